@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/checks.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace covey {
+namespace {
+
+constexpr double kUnitTolerance = 1e-3;  // of a quaternion's norm
+
+template <typename Derived>
+bool within(const Eigen::MatrixBase<Derived>& values, double limit) {
+  return values.allFinite() && values.cwiseAbs().maxCoeff() <= limit;
+}
+
+bool is_stamp(TimeNs stamp_ns) { return stamp_ns >= 0 && stamp_ns <= kMaxStampNs; }
+
+bool is_status(FilterStatus status) { return status <= FilterStatus::kLost; }
+
+// All eigenvalues above min_sigma^2. The upper triangle alone is read: it alone travels.
+template <int N>
+bool is_covariance(const Eigen::Matrix<double, N, N>& covariance, double min_sigma) {
+  using Square = Eigen::Matrix<double, N, N>;
+  if (!within(covariance.diagonal(), kMaxSigma * kMaxSigma) || !covariance.allFinite())
+    return false;
+  const Square above = covariance - min_sigma * min_sigma * Square::Identity();
+  return Eigen::LLT<Square, Eigen::Upper>(above).info() == Eigen::Success;
+}
+
+Problem problem_with(const PeerLandmark& landmark) {
+  if (!within(landmark.bearing, kMaxBearing)) return "bearing not plausible";
+  if (!within(landmark.estimate.p_world, kMaxPosition)) return "landmark position not plausible";
+  if (!is_covariance<3>(landmark.estimate.covariance, kMinLandmarkSigma))
+    return "landmark covariance not positive definite or not plausible";
+  return {};
+}
+
+bool has_duplicate_ids(const std::vector<PeerLandmark>& landmarks) {
+  std::vector<std::uint64_t> ids(landmarks.size());
+  std::transform(landmarks.begin(), landmarks.end(), ids.begin(),
+                 [](const PeerLandmark& landmark) { return landmark.estimate.landmark_id; });
+  std::sort(ids.begin(), ids.end());
+  return std::adjacent_find(ids.begin(), ids.end()) != ids.end();
+}
+
+}  // namespace
+
+bool is_agent_name(const std::string& name) {
+  const auto allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  };
+  return !name.empty() && name.size() <= kMaxNameLength &&
+         std::all_of(name.begin(), name.end(), allowed);
+}
+
+Problem problem_with(const PlaceAdvert& advert) {
+  if (!is_agent_name(advert.sender)) return "sender is not a drone's name";
+  if (!is_stamp(advert.stamp_ns)) return "stamp not plausible";
+  if (advert.descriptor.empty()) return "place descriptor is empty";
+  if (advert.descriptor.size() > kMaxDescriptorBytes) return "place descriptor too long";
+  return {};
+}
+
+Problem problem_with(const PeerKeyframe& keyframe) {
+  if (!is_agent_name(keyframe.sender)) return "sender is not a drone's name";
+  if (!is_agent_name(keyframe.receiver)) return "receiver is not a drone's name";
+  if (!is_stamp(keyframe.stamp_ns)) return "stamp not plausible";
+  if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
+  for (const PeerLandmark& landmark : keyframe.landmarks)
+    if (const Problem problem = problem_with(landmark)) return problem;
+  if (has_duplicate_ids(keyframe.landmarks)) return "two landmarks with one id";
+  return {};
+}
+
+Problem problem_with(const AgentStatus& status) {
+  if (!is_agent_name(status.agent)) return "sender is not a drone's name";
+  if (!is_stamp(status.stamp_ns)) return "stamp not plausible";
+  if (!is_status(status.status)) return "unknown filter status";
+  return {};
+}
+
+Problem problem_with(const Odometry& odometry) {
+  if (!is_stamp(odometry.stamp_ns)) return "stamp not plausible";
+  if (!is_status(odometry.status)) return "unknown filter status";
+  if (!within(odometry.pose.p_world_imu, kMaxPosition)) return "position not plausible";
+  // Written so that NaN fails too.
+  if (!(std::abs(odometry.pose.q_world_imu.norm() - 1.0) <= kUnitTolerance))
+    return "attitude is not a unit quaternion";
+  if (!within(odometry.v_world_imu, kMaxSpeed)) return "velocity not plausible";
+  if (!within(odometry.gyro_bias, kMaxGyroBias)) return "gyro bias not plausible";
+  if (!within(odometry.accel_bias, kMaxAccelBias)) return "accelerometer bias not plausible";
+  const bool unknown = odometry.status == FilterStatus::kUninitialized;
+  if (unknown && odometry.pose_covariance.isZero(0.0)) return {};
+  if (!is_covariance<6>(odometry.pose_covariance, 0.0))
+    return "pose covariance not positive definite or not plausible";
+  return {};
+}
+
+}  // namespace covey

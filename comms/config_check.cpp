@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/config_check.h"
+
+#include <arpa/inet.h>
+#include <ifaddrs.h>
+#include <netinet/in.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "comms/checks.h"
+
+namespace covey {
+namespace {
+
+void require(bool good, const std::string& complaint) {
+  if (!good) throw std::runtime_error("link: " + complaint);
+}
+
+void check_name(const char* setting, const std::string& name) {
+  require(is_agent_name(name), std::string(setting) + " \"" + name +
+                                   "\" is not a name: use 1..32 characters of [A-Za-z0-9_-]");
+}
+
+void check_range(const char* setting, int value, int low, int high) {
+  require(value >= low && value <= high, std::string(setting) + " " + std::to_string(value) +
+                                             " is not in " + std::to_string(low) + ".." +
+                                             std::to_string(high));
+}
+
+void check_address(const char* setting, const std::string& address) {
+  in_addr parsed{};
+  require(
+      inet_pton(AF_INET, address.c_str(), &parsed) == 1,
+      std::string(setting) + " \"" + address + "\" is not an IPv4 address: write it as 10.0.0.2");
+}
+
+std::vector<std::string> addresses_of_this_machine() {
+  std::vector<std::string> out;
+  ifaddrs* first = nullptr;
+  if (getifaddrs(&first) != 0) return out;
+  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(first, freeifaddrs);
+  for (const ifaddrs* entry = first; entry != nullptr; entry = entry->ifa_next) {
+    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
+    const auto* address = reinterpret_cast<const sockaddr_in*>(entry->ifa_addr);
+    std::array<char, INET_ADDRSTRLEN> text{};
+    if (inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size()) != nullptr)
+      out.emplace_back(text.data());
+  }
+  return out;
+}
+
+// Fast DDS would go on without an interface that is not there, deaf and mute.
+void check_interface(const std::string& interface) {
+  check_address("interfaces", interface);
+  const std::vector<std::string> own = addresses_of_this_machine();
+  std::string list;
+  for (const std::string& address : own) list += " " + address;
+  require(std::find(own.begin(), own.end(), interface) != own.end(),
+          "interfaces \"" + interface + "\" is no address of this machine, which has:" + list);
+}
+
+}  // namespace
+
+void check(const LinkConfig& config) {
+  check_name("agent", config.agent);
+  check_name("team", config.team);
+  check_range("domain", config.domain, 0, 200);
+  check_range("max_agents", config.max_agents, 2, 32);
+  require(config.inbox_limit > 0, "inbox_limit is 0: nothing could be received");
+  if (!config.loopback_only) {
+    for (const std::string& interface : config.interfaces) check_interface(interface);
+    for (const std::string& host : config.initial_peers) check_address("initial_peers", host);
+  }
+  // It would quietly replace the discovery that keeps us on the chosen interfaces.
+  require(std::getenv("ROS_DISCOVERY_SERVER") == nullptr,
+          "ROS_DISCOVERY_SERVER is set and would redirect discovery: unset it");
+}
+
+}  // namespace covey

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Counts what really goes over the wire: every UDP payload of this process, with discovery,
+// heartbeats and repair. It passes everything on to the transport below.
+#pragma once
+
+#include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+namespace covey {
+
+struct WireCounters {
+  std::atomic<std::uint64_t> bytes_sent{0};
+  std::atomic<std::uint64_t> bytes_received{0};
+};
+
+struct CountingTransportDescriptor : eprosima::fastdds::rtps::ChainingTransportDescriptor {
+  CountingTransportDescriptor(
+      std::shared_ptr<eprosima::fastdds::rtps::TransportDescriptorInterface> below,
+      std::shared_ptr<WireCounters> counters);
+  eprosima::fastdds::rtps::TransportInterface* create_transport() const override;
+
+  std::shared_ptr<WireCounters> counters;  // shared with the transports, which outlive their maker
+};
+
+}  // namespace covey

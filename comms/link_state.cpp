@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/link_state.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "comms/checks.h"
+
+namespace covey {
+namespace {
+
+// Twice what fits into a status: drones that come back are other ones until their ghosts have gone.
+constexpr std::size_t kMaxPeers = 2 * kMaxHears;
+
+bool same(const AgentStatus& a, const AgentStatus& b) {
+  return a.agent == b.agent && a.stamp_ns == b.stamp_ns && a.status == b.status &&
+         a.frames == b.frames && a.tracks == b.tracks && a.keyframes == b.keyframes;
+}
+
+}  // namespace
+
+LinkState::LinkState(std::string agent, std::size_t inbox_limit)
+    : agent_(std::move(agent)), inbox_limit_(inbox_limit), table_(kMaxPeers) {}
+
+void LinkState::set_own_id(const PeerId& id) {
+  const std::lock_guard lock(mutex_);
+  own_id_ = id;
+}
+
+bool LinkState::is_own(const PeerId& id) const {
+  const std::lock_guard lock(mutex_);
+  return id == own_id_;
+}
+
+// ------------------------------------------------------------------------------------- from DDS
+
+void LinkState::receive(Kind kind, const Bytes& bytes, const PeerId& from) {
+  if (is_own(from)) return;
+  switch (kind) {
+    case Kind::kRequest:
+      return receive_request(bytes, from);
+    case Kind::kMessage:
+      return receive_message(bytes, from);
+    case Kind::kStatus:
+      return receive_status(bytes, from);
+    case Kind::kOdometry:
+      return;  // for ground stations: no drone reads it
+  }
+}
+
+void LinkState::receive_request(const Bytes& bytes, const PeerId& from) {
+  Decoded<PlaceAdvert> decoded = decode_place_advert(bytes);
+  const std::lock_guard lock(mutex_);
+  ++arrived_.requests;
+  if (const auto* rejected = std::get_if<Rejected>(&decoded))
+    reject_locked(from, rejected->reason);
+  else if (std::get<PlaceAdvert>(decoded).sender == agent_)
+    reject_locked(from, "another drone bears this drone's name");
+  else
+    accept(&statistics_.request, bytes.size(), std::get<PlaceAdvert>(std::move(decoded)));
+  changed_.notify_all();
+}
+
+void LinkState::receive_message(const Bytes& bytes, const PeerId& from) {
+  Decoded<PeerKeyframe> decoded = decode_peer_keyframe(bytes);
+  const std::lock_guard lock(mutex_);
+  ++arrived_.messages;
+  if (const auto* rejected = std::get_if<Rejected>(&decoded))
+    reject_locked(from, rejected->reason);
+  else if (std::get<PeerKeyframe>(decoded).sender == agent_)
+    reject_locked(from, "another drone bears this drone's name");
+  else if (std::get<PeerKeyframe>(decoded).receiver != agent_)
+    reject_locked(from, "meant for another drone");
+  else
+    accept(&statistics_.message, bytes.size(), std::get<PeerKeyframe>(std::move(decoded)));
+  changed_.notify_all();
+}
+
+// A status is repeated when only its list of peers changed; the inbox sees each state once.
+void LinkState::receive_status(const Bytes& bytes, const PeerId& from) {
+  Decoded<StatusSample> decoded = decode_status(bytes);
+  const std::lock_guard lock(mutex_);
+  if (const auto* rejected = std::get_if<Rejected>(&decoded))
+    return reject_locked(from, rejected->reason);
+  StatusSample& sample = std::get<StatusSample>(decoded);
+  const AgentStatus& status = sample.status;
+  if (status.agent == agent_) return reject_locked(from, "another drone bears this drone's name");
+
+  table_.set_hears(from, std::move(sample.hears));
+  peers_changed_ = true;
+  const auto last = last_status_.find(status.agent);
+  if (last == last_status_.end() || !same(last->second, status)) {
+    if (last_status_.size() < kMaxPeers || last != last_status_.end())
+      last_status_[status.agent] = status;
+    accept(&statistics_.status, bytes.size(), status);
+  }
+  changed_.notify_all();
+}
+
+void LinkState::accept(KindStatistics* kind, std::size_t bytes, Inbound inbound) {
+  ++kind->received;
+  kind->payload_bytes_received += bytes;
+  if (inbox_.size() >= inbox_limit_) {
+    inbox_.pop_front();
+    ++statistics_.inbox_dropped;
+  }
+  inbox_.push_back(std::move(inbound));
+}
+
+void LinkState::reject(const PeerId& from, const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  reject_locked(from, reason);
+}
+
+void LinkState::reject_locked(const PeerId& from, const std::string& reason) {
+  const std::string peer = table_.name_of(from);
+  const bool room = statistics_.rejected.size() < kMaxPeers || statistics_.rejected.count(peer) > 0;
+  ++statistics_.rejected[room ? peer : "unknown"][reason];
+}
+
+void LinkState::change_peers(const std::function<void(PeerTable&)>& change) {
+  const std::lock_guard lock(mutex_);
+  change(table_);
+  peers_changed_ = true;
+  changed_.notify_all();
+}
+
+void LinkState::name_peer(const PeerId& id, const std::string& name) {
+  change_peers([&](PeerTable& table) { table.set_name(id, name); });
+}
+
+void LinkState::change_matches(const PeerId& id, Channel channel, int difference) {
+  if (is_own(id)) return;
+  change_peers([&](PeerTable& table) { table.change_matches(id, channel, difference); });
+}
+
+void LinkState::set_alive(const PeerId& id, bool alive) {
+  change_peers([&](PeerTable& table) { table.set_alive(id, alive); });
+}
+
+void LinkState::remove_peer(const PeerId& id) {
+  change_peers([&](PeerTable& table) { table.remove(id); });
+}
+
+// ------------------------------------------------------------------------------ from the caller
+
+std::vector<Inbound> LinkState::take() {
+  const std::lock_guard lock(mutex_);
+  std::vector<Inbound> out(std::make_move_iterator(inbox_.begin()),
+                           std::make_move_iterator(inbox_.end()));
+  inbox_.clear();
+  return out;
+}
+
+std::set<std::string> LinkState::peers() const {
+  const std::lock_guard lock(mutex_);
+  return table_.linked(token(own_id_));
+}
+
+bool LinkState::reaches(const std::string& receiver) const {
+  const std::lock_guard lock(mutex_);
+  return table_.reaches(receiver);
+}
+
+ArrivalCounts LinkState::arrived() const {
+  const std::lock_guard lock(mutex_);
+  return arrived_;
+}
+
+LinkStatistics LinkState::statistics() const {
+  const std::lock_guard lock(mutex_);
+  return statistics_;
+}
+
+KindStatistics& LinkState::statistics_of(Kind kind) {
+  switch (kind) {
+    case Kind::kRequest:
+      return statistics_.request;
+    case Kind::kMessage:
+      return statistics_.message;
+    case Kind::kStatus:
+      return statistics_.status;
+    case Kind::kOdometry:
+      break;
+  }
+  return statistics_.odometry;
+}
+
+void LinkState::count_sent(Kind kind, std::size_t bytes) {
+  const std::lock_guard lock(mutex_);
+  KindStatistics& statistics = statistics_of(kind);
+  ++statistics.sent;
+  statistics.payload_bytes_sent += bytes;
+}
+
+void LinkState::count_message_to(const std::string& receiver) {
+  const std::lock_guard lock(mutex_);
+  ++statistics_.messages_sent_to[receiver];
+}
+
+void LinkState::count_refused(Kind kind, const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  ++statistics_of(kind).refused;
+  ++statistics_.refused[reason];
+}
+
+// ---------------------------------------------------------------------------------------- waits
+
+bool LinkState::wait_for_peers(const PeersTest& enough, Duration timeout) {
+  std::unique_lock lock(mutex_);
+  const auto ready = [&] { return enough(table_.linked(token(own_id_))); };
+  changed_.wait_for(lock, timeout, [&] { return closed_ || ready(); });
+  return ready();
+}
+
+bool LinkState::wait_for_inbox(const ArrivalCounts& at_least, Duration timeout) {
+  std::unique_lock lock(mutex_);
+  const auto ready = [&] {
+    return arrived_.requests >= at_least.requests && arrived_.messages >= at_least.messages;
+  };
+  changed_.wait_for(lock, timeout, [&] { return closed_ || ready(); });
+  return ready();
+}
+
+std::optional<LinkState::Housekeeping> LinkState::wait_for_housekeeping() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return closed_ || peers_changed_; });
+  if (closed_) return std::nullopt;
+  peers_changed_ = false;
+  return Housekeeping{table_.names(), table_.heard()};
+}
+
+std::vector<std::uint64_t> LinkState::heard() const {
+  const std::lock_guard lock(mutex_);
+  return table_.heard();
+}
+
+void LinkState::close() {
+  const std::lock_guard lock(mutex_);
+  closed_ = true;
+  changed_.notify_all();
+}
+
+}  // namespace covey

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a link knows and holds, apart from DDS itself: inbox, counts, peers. DDS threads put in, the
+// caller's threads take out or wait; every member may be called from any thread, none calls out.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "comms/convert.h"
+#include "comms/peer_link.h"
+#include "comms/peer_table.h"
+
+namespace covey {
+
+enum class Kind : std::uint8_t { kRequest, kMessage, kStatus, kOdometry };
+
+class LinkState {
+ public:
+  using Duration = std::chrono::milliseconds;
+
+  LinkState(std::string agent, std::size_t inbox_limit);
+  void set_own_id(const PeerId& id);
+
+  // --- From DDS: what arrived, and who is there. What comes from this drone itself is ignored.
+  void receive(Kind kind, const Bytes& bytes, const PeerId& from);
+  void reject(const PeerId& from, const std::string& reason);
+  void name_peer(const PeerId& id, const std::string& name);
+  void change_matches(const PeerId& id, Channel channel, int difference);
+  void set_alive(const PeerId& id, bool alive);
+  void remove_peer(const PeerId& id);
+
+  // --- From the caller.
+  std::vector<Inbound> take();
+  [[nodiscard]] std::set<std::string> peers() const;
+  [[nodiscard]] bool reaches(const std::string& receiver) const;
+  [[nodiscard]] ArrivalCounts arrived() const;
+  [[nodiscard]] LinkStatistics statistics() const;
+  void count_sent(Kind kind, std::size_t bytes);
+  void count_message_to(const std::string& receiver);
+  void count_refused(Kind kind, const std::string& reason);
+
+  using PeersTest = std::function<bool(const std::set<std::string>&)>;
+  [[nodiscard]] bool wait_for_peers(const PeersTest& enough, Duration timeout);
+  [[nodiscard]] bool wait_for_inbox(const ArrivalCounts& at_least, Duration timeout);
+
+  // --- For the link's own thread: what follows from a change of who is there.
+  struct Housekeeping {
+    std::set<std::string> names;       // drones that may be answered
+    std::vector<std::uint64_t> heard;  // for the own status
+  };
+  // Blocks until something changed; nothing once closed.
+  [[nodiscard]] std::optional<Housekeeping> wait_for_housekeeping();
+  [[nodiscard]] std::vector<std::uint64_t> heard() const;
+  void close();  // ends every wait
+
+ private:
+  [[nodiscard]] bool is_own(const PeerId& id) const;
+  void receive_request(const Bytes& bytes, const PeerId& from);
+  void receive_message(const Bytes& bytes, const PeerId& from);
+  void receive_status(const Bytes& bytes, const PeerId& from);
+  void accept(KindStatistics* kind, std::size_t bytes, Inbound inbound);
+  void reject_locked(const PeerId& from, const std::string& reason);
+  void change_peers(const std::function<void(PeerTable&)>& change);
+  KindStatistics& statistics_of(Kind kind);
+
+  const std::string agent_;
+  const std::size_t inbox_limit_;
+
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  PeerId own_id_{};
+  PeerTable table_;
+  std::map<std::string, AgentStatus> last_status_;  // by drone
+  std::deque<Inbound> inbox_;
+  ArrivalCounts arrived_;
+  LinkStatistics statistics_;
+  bool peers_changed_ = false;
+  bool closed_ = false;
+};
+
+}  // namespace covey

@@ -1,0 +1,380 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/peer_link.h"
+
+#include <algorithm>
+#include <exception>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "comms/byte_type.h"
+#include "comms/checks.h"
+#include "comms/config_check.h"
+#include "comms/dds_log.h"
+#include "comms/link_events.h"
+#include "comms/link_state.h"
+#include "comms/qos.h"
+
+namespace covey {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using std::chrono::duration_cast;
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kFarewell{5000};  // longest wait for the last acknowledgements
+
+const char* type_name(Kind kind) {
+  switch (kind) {
+    case Kind::kRequest:
+      return "covey::wire::RequestUAV";
+    case Kind::kMessage:
+      return "covey::wire::MessageUAV";
+    case Kind::kStatus:
+      return "covey::wire::AgentStatus";
+    case Kind::kOdometry:
+      break;
+  }
+  return "covey::wire::Odometry";
+}
+
+std::size_t max_bytes(Kind kind) {
+  switch (kind) {
+    case Kind::kRequest:
+      return kMaxRequestBytes;
+    case Kind::kMessage:
+      return kMaxMessageBytes;
+    case Kind::kStatus:
+      return kMaxStatusBytes;
+    case Kind::kOdometry:
+      break;
+  }
+  return kMaxOdometryBytes;
+}
+
+void require(bool good, const std::string& complaint) {
+  if (!good) throw std::runtime_error("link: " + complaint);
+}
+
+struct ParticipantDeleter {
+  void operator()(dds::DomainParticipant* participant) const {
+    participant->set_listener(nullptr);
+    participant->delete_contained_entities();
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
+  }
+};
+
+}  // namespace
+
+// --------------------------------------------------------------------------------------- the link
+
+class PeerLink::Impl {
+ public:
+  explicit Impl(const LinkConfig& config);
+  ~Impl();
+
+  bool send(const PlaceAdvert& advert);
+  bool send(const PeerKeyframe& keyframe);
+  bool publish(const Odometry& odometry);
+  bool publish(const AgentStatus& status);
+  bool flush(milliseconds timeout);
+  [[nodiscard]] LinkStatistics statistics() const;
+  [[nodiscard]] LinkState& state() { return state_; }
+
+ private:
+  [[nodiscard]] std::string topic_name(Kind kind, const std::string& receiver = "") const;
+  void create_participant();
+  void register_types();
+  dds::Topic* create_topic(Kind kind, const std::string& receiver);
+  dds::DataWriter* create_writer(Kind kind, WriterEvents* events, const std::string& receiver = "");
+  void create_reader(Kind kind, ReaderEvents* events, const std::string& receiver = "");
+
+  void keep_house();
+  void create_answer_writers(const std::set<std::string>& names);
+  dds::DataWriter* answer_writer(const std::string& receiver) const;
+  bool acknowledged(dds::DataWriter* writer, steady_clock::time_point deadline) const;
+
+  template <typename Message>
+  bool may_send(Kind kind, const Message& message, const std::string& sender);
+  bool write(Kind kind, dds::DataWriter* writer, Bytes bytes);
+  bool publish_status();
+
+  const LinkConfig config_;
+  LinkState state_;
+  const std::shared_ptr<WireCounters> wire_ = std::make_shared<WireCounters>();
+
+  // Listeners outlive the participant that calls them.
+  DiscoveryEvents discovery_events_;
+  WriterEvents request_written_{state_, Channel::kRequestOut};
+  WriterEvents message_written_{state_, Channel::kMessageOut};
+  WriterEvents status_written_{state_, Channel::kStatusOut};
+  ReaderEvents request_read_{state_, Kind::kRequest, Channel::kRequestIn};
+  ReaderEvents message_read_{state_, Kind::kMessage, Channel::kMessageIn};
+  ReaderEvents status_read_{state_, Kind::kStatus, Channel::kStatusIn};
+  std::unique_ptr<dds::DomainParticipant, ParticipantDeleter> participant_;
+  // Owned by the participant.
+  dds::Publisher* publisher_ = nullptr;
+  dds::Subscriber* subscriber_ = nullptr;
+  dds::DataWriter* request_writer_ = nullptr;
+  dds::DataWriter* status_writer_ = nullptr;
+  dds::DataWriter* odometry_writer_ = nullptr;
+
+  mutable std::mutex answer_mutex_;  // guards the map, not the writers
+  std::map<std::string, dds::DataWriter*> answer_writers_;
+
+  std::mutex status_mutex_;  // one status after the other: the newest has to be the last
+  AgentStatus status_;
+
+  std::thread housekeeper_;
+};
+
+PeerLink::Impl::Impl(const LinkConfig& config)
+    : config_((check(config), config)),
+      state_(config.agent, config.inbox_limit),
+      discovery_events_(state_, topic_name(Kind::kMessage)) {
+  status_.agent = config_.agent;
+  create_participant();
+  register_types();
+  request_writer_ = create_writer(Kind::kRequest, &request_written_);
+  status_writer_ = create_writer(Kind::kStatus, &status_written_);
+  odometry_writer_ = create_writer(Kind::kOdometry, nullptr);  // who listens is not our affair
+  create_reader(Kind::kStatus, &status_read_);
+  create_reader(Kind::kRequest, &request_read_);
+  create_reader(Kind::kMessage, &message_read_, config_.agent);
+  publish_status();
+  housekeeper_ = std::thread([this] { keep_house(); });
+}
+
+PeerLink::Impl::~Impl() {
+  state_.close();
+  if (housekeeper_.joinable()) housekeeper_.join();
+  if (config_.profile == LinkProfile::kLockstep) flush(kFarewell);
+}
+
+bool PeerLink::Impl::flush(milliseconds timeout) {
+  std::vector<dds::DataWriter*> writers = {request_writer_};
+  {
+    const std::lock_guard lock(answer_mutex_);
+    for (const auto& entry : answer_writers_) writers.push_back(entry.second);
+  }
+  const auto deadline = steady_clock::now() + timeout;
+  return std::all_of(writers.begin(), writers.end(),
+                     [&](auto* writer) { return acknowledged(writer, deadline); });
+}
+
+bool PeerLink::Impl::acknowledged(dds::DataWriter* writer,
+                                  steady_clock::time_point deadline) const {
+  const auto left = duration_cast<milliseconds>(deadline - steady_clock::now());
+  return writer->wait_for_acknowledgments(duration(std::max(left, milliseconds(0)))) ==
+         ReturnCode_t::RETCODE_OK;
+}
+
+std::string PeerLink::Impl::topic_name(Kind kind, const std::string& receiver) const {
+  const std::string team = "covey/" + config_.team;
+  switch (kind) {
+    case Kind::kRequest:
+      return team + "/request";
+    case Kind::kMessage:
+      return team + "/message/" + receiver;
+    case Kind::kStatus:
+      return team + "/status";
+    case Kind::kOdometry:
+      break;
+  }
+  return team + "/odometry";
+}
+
+void PeerLink::Impl::create_participant() {
+  keep_dds_errors();
+  // Without data_on_readers: it would swallow data_available.
+  participant_.reset(dds::DomainParticipantFactory::get_instance()->create_participant(
+      static_cast<dds::DomainId_t>(config_.domain), participant_qos(config_, wire_),
+      &discovery_events_, dds::StatusMask::none()));
+  require(participant_ != nullptr,
+          "cannot create the DDS participant of " + config_.agent + " in domain " +
+              std::to_string(config_.domain) +
+              ": check that the interfaces exist and that its UDP ports are free; DDS says: " +
+              dds_errors().last);
+  state_.set_own_id(peer_id(participant_->guid().guidPrefix));
+  publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+  subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+  require(publisher_ != nullptr && subscriber_ != nullptr,
+          "cannot create DDS publisher and subscriber: out of memory?");
+}
+
+void PeerLink::Impl::register_types() {
+  for (const Kind kind : {Kind::kRequest, Kind::kMessage, Kind::kStatus, Kind::kOdometry}) {
+    const dds::TypeSupport type(new ByteType(type_name(kind), max_bytes(kind)));
+    require(type.register_type(participant_.get()) == ReturnCode_t::RETCODE_OK,
+            std::string("cannot register DDS type ") + type_name(kind));
+  }
+}
+
+dds::Topic* PeerLink::Impl::create_topic(Kind kind, const std::string& receiver) {
+  const std::string name = topic_name(kind, receiver);
+  if (auto* known = dynamic_cast<dds::Topic*>(participant_->lookup_topicdescription(name)))
+    return known;
+  dds::Topic* topic = participant_->create_topic(name, type_name(kind), dds::TOPIC_QOS_DEFAULT);
+  require(topic != nullptr, "cannot create DDS topic " + name);
+  return topic;
+}
+
+dds::DataWriter* PeerLink::Impl::create_writer(Kind kind, WriterEvents* events,
+                                               const std::string& receiver) {
+  dds::Topic* topic = create_topic(kind, receiver);
+  dds::DataWriter* writer = publisher_->create_datawriter(topic, writer_qos(kind, config_), events,
+                                                          dds::StatusMask::publication_matched());
+  require(writer != nullptr, "cannot create DDS writer of " + topic->get_name());
+  return writer;
+}
+
+void PeerLink::Impl::create_reader(Kind kind, ReaderEvents* events, const std::string& receiver) {
+  dds::Topic* topic = create_topic(kind, receiver);
+  const dds::StatusMask mask = dds::StatusMask::data_available()
+                               << dds::StatusMask::subscription_matched()
+                               << dds::StatusMask::liveliness_changed();
+  const dds::DataReader* reader =
+      subscriber_->create_datareader(topic, reader_qos(kind, config_), events, mask);
+  require(reader != nullptr, "cannot create DDS reader of " + topic->get_name());
+}
+
+// Creating entities and writing inside a DDS callback can lock up: both happen on a thread of ours.
+void PeerLink::Impl::keep_house() {
+  std::vector<std::uint64_t> told;
+  while (const auto news = state_.wait_for_housekeeping()) {
+    create_answer_writers(news->names);
+    if (news->heard != told && publish_status()) told = news->heard;
+  }
+}
+
+// Holds the lock from creation to entry: a writer may be matched, and be asked for, in between.
+void PeerLink::Impl::create_answer_writers(const std::set<std::string>& names) {
+  const std::lock_guard lock(answer_mutex_);
+  for (const std::string& name : names) {
+    const bool full = answer_writers_.size() + 1 >= static_cast<std::size_t>(config_.max_agents);
+    if (name == config_.agent || full || answer_writers_.count(name) > 0) continue;
+    try {
+      answer_writers_[name] = create_writer(Kind::kMessage, &message_written_, name);
+    } catch (const std::exception&) {
+      state_.count_refused(Kind::kMessage, "no answer topic for a peer: out of memory");
+    }
+  }
+}
+
+dds::DataWriter* PeerLink::Impl::answer_writer(const std::string& receiver) const {
+  const std::lock_guard lock(answer_mutex_);
+  const auto found = answer_writers_.find(receiver);
+  return found == answer_writers_.end() ? nullptr : found->second;
+}
+
+template <typename Message>
+bool PeerLink::Impl::may_send(Kind kind, const Message& message, const std::string& sender) {
+  Problem problem = problem_with(message);
+  if (!problem && sender != config_.agent) problem = "sender is not this drone";
+  if (problem) state_.count_refused(kind, *problem);
+  return !problem;
+}
+
+bool PeerLink::Impl::write(Kind kind, dds::DataWriter* writer, Bytes bytes) {
+  ByteSample sample{std::move(bytes)};
+  if (!writer->write(&sample)) {
+    state_.count_refused(kind, "DDS did not take it: history full, a peer does not acknowledge");
+    return false;
+  }
+  state_.count_sent(kind, sample.bytes.size());
+  return true;
+}
+
+bool PeerLink::Impl::publish_status() {
+  const std::lock_guard lock(status_mutex_);
+  std::vector<std::uint64_t> heard = state_.heard();
+  if (heard.size() > kMaxHears) heard.resize(kMaxHears);
+  return write(Kind::kStatus, status_writer_, encode(StatusSample{status_, std::move(heard)}));
+}
+
+bool PeerLink::Impl::send(const PlaceAdvert& advert) {
+  return may_send(Kind::kRequest, advert, advert.sender) &&
+         write(Kind::kRequest, request_writer_, encode(advert));
+}
+
+bool PeerLink::Impl::send(const PeerKeyframe& keyframe) {
+  if (!may_send(Kind::kMessage, keyframe, keyframe.sender)) return false;
+  dds::DataWriter* writer = answer_writer(keyframe.receiver);
+  if (writer == nullptr || !state_.reaches(keyframe.receiver)) {
+    state_.count_refused(Kind::kMessage, "receiver is not there");
+    return false;
+  }
+  if (!write(Kind::kMessage, writer, encode(keyframe))) return false;
+  state_.count_message_to(keyframe.receiver);
+  return true;
+}
+
+bool PeerLink::Impl::publish(const Odometry& odometry) {
+  return may_send(Kind::kOdometry, odometry, config_.agent) &&
+         write(Kind::kOdometry, odometry_writer_, encode(OdometrySample{config_.agent, odometry}));
+}
+
+bool PeerLink::Impl::publish(const AgentStatus& status) {
+  if (!may_send(Kind::kStatus, status, status.agent)) return false;
+  {
+    const std::lock_guard lock(status_mutex_);
+    status_ = status;
+  }
+  return publish_status();
+}
+
+LinkStatistics PeerLink::Impl::statistics() const {
+  LinkStatistics statistics = state_.statistics();
+  DdsErrors errors = dds_errors();
+  statistics.dds_errors = errors.count;
+  statistics.last_dds_error = std::move(errors.last);
+  statistics.wire_bytes_sent = wire_->bytes_sent;
+  statistics.wire_bytes_received = wire_->bytes_received;
+  return statistics;
+}
+
+// ------------------------------------------------------------------------------------- the outside
+
+PeerLink::PeerLink(const LinkConfig& config) : impl_(std::make_unique<Impl>(config)) {}
+PeerLink::~PeerLink() = default;
+PeerLink::PeerLink(PeerLink&&) noexcept = default;
+PeerLink& PeerLink::operator=(PeerLink&&) noexcept = default;
+
+bool PeerLink::send(const PlaceAdvert& advert) { return impl_->send(advert); }
+bool PeerLink::send(const PeerKeyframe& keyframe) { return impl_->send(keyframe); }
+bool PeerLink::publish(const Odometry& odometry) { return impl_->publish(odometry); }
+bool PeerLink::publish(const AgentStatus& status) { return impl_->publish(status); }
+bool PeerLink::flush(milliseconds timeout) { return impl_->flush(timeout); }
+
+std::vector<Inbound> PeerLink::take() { return impl_->state().take(); }
+std::set<std::string> PeerLink::peers() const { return impl_->state().peers(); }
+ArrivalCounts PeerLink::arrived() const { return impl_->state().arrived(); }
+LinkStatistics PeerLink::statistics() const { return impl_->statistics(); }
+
+bool PeerLink::wait_for_peers(const std::set<std::string>& names, milliseconds timeout) {
+  const auto all_there = [&](const std::set<std::string>& linked) {
+    return std::includes(linked.begin(), linked.end(), names.begin(), names.end());
+  };
+  return impl_->state().wait_for_peers(all_there, timeout);
+}
+
+bool PeerLink::wait_for_peers(std::size_t count, milliseconds timeout) {
+  return impl_->state().wait_for_peers(
+      [&](const std::set<std::string>& linked) { return linked.size() >= count; }, timeout);
+}
+
+bool PeerLink::wait_for_inbox(const ArrivalCounts& at_least, milliseconds timeout) {
+  return impl_->state().wait_for_inbox(at_least, timeout);
+}
+
+}  // namespace covey

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/peer_table.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace covey {
+
+// FNV-1a, 64 bit.
+std::uint64_t token(const PeerId& id) {
+  std::uint64_t hash = 0xcbf29ce484222325ULL;
+  for (const std::uint8_t byte : id) hash = (hash ^ byte) * 0x100000001b3ULL;
+  return hash;
+}
+
+PeerTable::Peer* PeerTable::find_or_enter(const PeerId& id) {
+  const auto found = peers_.find(id);
+  if (found != peers_.end()) return &found->second;
+  if (peers_.size() >= limit_ && !forget_one_unmatched()) return nullptr;
+  return &peers_[id];
+}
+
+// A sample that is handled after its writer has gone leaves an entry without any match.
+bool PeerTable::forget_one_unmatched() {
+  const auto stale = std::find_if(peers_.begin(), peers_.end(), [](const auto& entry) {
+    const auto& matches = entry.second.matches;
+    return std::all_of(matches.begin(), matches.end(), [](int count) { return count == 0; });
+  });
+  if (stale == peers_.end()) return false;
+  peers_.erase(stale);
+  return true;
+}
+
+void PeerTable::set_name(const PeerId& id, const std::string& name) {
+  if (Peer* peer = find_or_enter(id)) peer->name = name;
+}
+
+void PeerTable::change_matches(const PeerId& id, Channel channel, int difference) {
+  // DDS may report a lost match after the loss of its participant: nothing is entered for that.
+  if (difference < 0 && peers_.count(id) == 0) return;
+  if (Peer* peer = find_or_enter(id)) {
+    int& matches = peer->matches[static_cast<std::size_t>(channel)];
+    matches = std::max(0, matches + difference);
+  }
+}
+
+void PeerTable::set_alive(const PeerId& id, bool alive) {
+  const auto found = peers_.find(id);
+  if (found != peers_.end()) found->second.alive = alive;
+}
+
+void PeerTable::set_hears(const PeerId& id, std::vector<std::uint64_t> tokens) {
+  if (Peer* peer = find_or_enter(id)) peer->hears = std::move(tokens);
+}
+
+void PeerTable::remove(const PeerId& id) { peers_.erase(id); }
+
+std::set<std::string> PeerTable::names() const {
+  std::set<std::string> out;
+  for (const auto& [id, peer] : peers_)
+    if (!peer.name.empty()) out.insert(peer.name);
+  return out;
+}
+
+std::string PeerTable::name_of(const PeerId& id) const {
+  const auto found = peers_.find(id);
+  return found == peers_.end() || found->second.name.empty() ? "unknown" : found->second.name;
+}
+
+bool PeerTable::reaches(const std::string& name) const {
+  return std::any_of(peers_.begin(), peers_.end(), [&](const auto& entry) {
+    const Peer& peer = entry.second;
+    return peer.name == name && peer.matches[static_cast<std::size_t>(Channel::kMessageOut)] > 0;
+  });
+}
+
+bool PeerTable::matched_everywhere(const Peer& peer) {
+  return std::all_of(peer.matches.begin(), peer.matches.end(), [](int count) { return count > 0; });
+}
+
+std::vector<std::uint64_t> PeerTable::heard() const {
+  std::vector<std::uint64_t> out;
+  for (const auto& [id, peer] : peers_)
+    if (matched_everywhere(peer)) out.push_back(token(id));
+  return out;
+}
+
+std::set<std::string> PeerTable::linked(std::uint64_t own_token) const {
+  std::set<std::string> out;
+  for (const auto& [id, peer] : peers_) {
+    const bool hears_us =
+        std::find(peer.hears.begin(), peer.hears.end(), own_token) != peer.hears.end();
+    if (!peer.name.empty() && peer.alive && hears_us && matched_everywhere(peer))
+      out.insert(peer.name);
+  }
+  return out;
+}
+
+}  // namespace covey

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Who is matched with whom. DDS matches each topic by itself, and each side at its own time: a
+// writer may know its reader while the reader does not know the writer yet, and what is written in
+// between is lost. So every drone tells in its status whom it hears on all topics, and a peer
+// counts as linked once both say so. Not thread-safe.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace covey {
+
+using PeerId = std::array<std::uint8_t, 12>;  // GUID prefix: another one after each restart
+
+// How a peer is named in a status (idl: AgentStatus.hears).
+[[nodiscard]] std::uint64_t token(const PeerId& id);
+
+enum class Channel : std::uint8_t {
+  kRequestOut,
+  kRequestIn,
+  kMessageOut,
+  kMessageIn,
+  kStatusOut,
+  kStatusIn,
+};
+inline constexpr std::size_t kChannels = 6;
+
+class PeerTable {
+ public:
+  // `limit` peers at most: what comes after is not entered, a flood of strangers costs no memory.
+  explicit PeerTable(std::size_t limit) : limit_(limit) {}
+
+  void set_name(const PeerId& id, const std::string& name);
+  void change_matches(const PeerId& id, Channel channel, int difference);
+  void set_alive(const PeerId& id, bool alive);
+  void set_hears(const PeerId& id, std::vector<std::uint64_t> tokens);
+  void remove(const PeerId& id);
+
+  [[nodiscard]] std::set<std::string> names() const;
+  [[nodiscard]] std::string name_of(const PeerId& id) const;  // "unknown" if not told yet
+  [[nodiscard]] bool reaches(const std::string& name) const;  // an answer would have a reader
+  // Peers matched on all channels, as seen from here alone: what goes into the own status.
+  [[nodiscard]] std::vector<std::uint64_t> heard() const;
+  // Peers matched on all channels as seen from both sides, and alive.
+  [[nodiscard]] std::set<std::string> linked(std::uint64_t own_token) const;
+
+ private:
+  struct Peer {
+    std::string name;
+    std::array<int, kChannels> matches{};
+    std::vector<std::uint64_t> hears;
+    bool alive = true;
+  };
+  Peer* find_or_enter(const PeerId& id);
+  bool forget_one_unmatched();
+  static bool matched_everywhere(const Peer& peer);
+
+  std::size_t limit_;
+  std::map<PeerId, Peer> peers_;
+};
+
+}  // namespace covey
