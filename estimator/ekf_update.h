@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Kalman updates from whitened rows (unit noise), each touching only a few columns of the state.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "estimator/state.h"
+
+namespace covey {
+
+// Which state columns the local columns of a Jacobian stand for, in order.
+struct ColumnRange {
+  int offset = 0, size = 0;
+};
+struct Columns {
+  std::array<ColumnRange, 4> ranges{};
+  int count = 0;
+  void add(int offset, int size) {
+    if (size > 0) ranges[static_cast<std::size_t>(count++)] = {offset, size};
+  }
+};
+
+// Gathers rows against one prior and applies them at once. Memory is kept between updates.
+class EkfUpdate {
+ public:
+  EkfUpdate(int max_rows, int state_capacity);
+
+  void begin(const State& state);
+  [[nodiscard]] int rows() const { return rows_; }
+  [[nodiscard]] bool fits(int rows) const { return rows_ + rows <= static_cast<int>(r_.size()); }
+  // Adds rows r = H dx + n, n ~ N(0, I); returns their squared Mahalanobis distance.
+  double add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
+             const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns);
+  void drop_last();  // the rows added last: gated
+  // False when the innovation covariance is not positive definite: nothing is changed then.
+  [[nodiscard]] bool apply(State& state);
+
+ private:
+  struct Block {
+    int row, rows, columns_local;
+    Columns columns;
+  };
+  Eigen::MatrixXd H_;    // max_rows x widest local Jacobian
+  Eigen::MatrixXd PHt_;  // state_capacity x max_rows
+  Eigen::VectorXd r_;
+  std::vector<Block> blocks_;
+  int rows_ = 0, dimension_ = 0;
+};
+
+// Householder QR in place of [H r] (rows x columns+1): the first min(rows, columns) rows then hold
+// all the information about the state (Mourikis and Roumeliotis, ICRA 2007, eq. 26..28). Returns
+// their count.
+int compress_rows(Eigen::Ref<Eigen::MatrixXd> H_and_r);
+
+// Reflects [H_f | H | r] so that H_f becomes upper triangular: rows 3.. no longer depend on the
+// feature (its left null space). In place; H and r are columns of one matrix.
+void project_out_feature(Eigen::Ref<Eigen::Matrix<double, Eigen::Dynamic, 3>> H_f,
+                         Eigen::Ref<Eigen::MatrixXd> H_and_r);
+
+}  // namespace covey

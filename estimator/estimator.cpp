@@ -1,0 +1,433 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/estimator.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "estimator/imu_buffer.h"
+#include "estimator/keyframe_policy.h"
+#include "estimator/observation_model.h"
+#include "estimator/peer_update.h"
+#include "estimator/so3.h"
+#include "estimator/vision_update.h"
+#include "estimator/zero_velocity.h"
+
+namespace covey {
+namespace {
+
+Eigen::Matrix<double, 15, 15> initial_covariance(const InitialState& start) {
+  Eigen::Matrix<double, 15, 15> P = Eigen::Matrix<double, 15, 15>::Zero();
+  const auto set = [&](int offset, double sigma) {
+    P.diagonal().segment<3>(offset).setConstant(sigma * sigma);
+  };
+  set(State::kPosition, start.position_sigma);
+  set(State::kVelocity, start.velocity_sigma);
+  set(State::kGyroBias, start.gyro_bias_sigma);
+  set(State::kAccelBias, start.accel_bias_sigma);
+  // Yaw and tilt are meant in the world; the error is local: dtheta = R^T dtheta_world.
+  const Eigen::Vector3d sigmas(start.tilt_sigma, start.tilt_sigma, start.yaw_sigma);
+  const Eigen::Matrix3d R = start.pose.q_world_imu.toRotationMatrix();
+  P.block<3, 3>(State::kRotation, State::kRotation) =
+      R.transpose() * sigmas.cwiseAbs2().asDiagonal() * R;
+  return P;
+}
+
+ImuState initial_imu(const InitialState& start) {
+  return {start.stamp_ns, start.pose, start.v_world_imu, start.gyro_bias, start.accel_bias};
+}
+
+constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
+constexpr std::size_t kEnoughTracks = 20;  // to see with
+
+// A landmark in each cell of a coarse grid: SLAM features should look in all directions.
+constexpr int kGrid = 4;
+int grid_cell(const Eigen::Vector2d& bearing) {
+  const auto index = [](double x) {
+    return std::clamp(static_cast<int>((x + 1) / 2 * kGrid), 0, kGrid - 1);
+  };
+  return index(bearing.x()) * kGrid + index(bearing.y());
+}
+
+}  // namespace
+
+struct Estimator::Impl {
+  Impl(const EstimatorConfig& configuration, StageClock stage_clock)
+      : config(configuration), clock(stage_clock), gate_peer(chi_square_quantile(0.95, 3)) {}
+
+  double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
+  void start(const InitialState& initial);
+  std::vector<ImuSample> propagate(TimeNs stamp_ns, UpdateReport& report);
+  bool becomes_keyframe(const TrackList& tracks) const;
+  void try_start(UpdateReport& report);
+  void thin_window(UpdateReport& report);
+  void update(const TrackList& tracks, UpdateReport& report);
+  std::vector<const Track*> ended_or_leaving(std::optional<std::uint64_t> leaving) const;
+  std::vector<const Track*> slam_candidates(const std::vector<const Track*>& taken) const;
+  void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
+  void drop_clone(int index, UpdateReport& report);
+  void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
+  void watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report);
+  void look_again(UpdateReport& report);
+  void restart(TimeNs stamp_ns, UpdateReport& report);
+
+  EstimatorConfig config;
+  StageClock clock;
+  double gate_peer;
+  ImuBuffer imu;
+  std::optional<State> state;
+  std::optional<VisionUpdate> vision;
+  std::optional<EkfUpdate> still_update;
+  TrackStore store;
+  StillnessDetector stillness;
+  TrackList reference;  // of the last keyframe
+  std::uint64_t reference_id = 0, next_clone_id = 1;
+  bool seeing = false;  // the first visual update has been made
+  FilterStatus status = FilterStatus::kUninitialized;
+  TimeNs healthy_ns = 0;
+  ImuState healthy;
+  UpdateReport pending;  // counts of IMU trouble until the next image
+};
+
+void Estimator::Impl::start(const InitialState& initial) {
+  state.emplace(config, initial_imu(initial), initial_covariance(initial));
+  vision.emplace(config, state->capacity());
+  still_update.emplace(16, state->capacity());
+  store.clear();
+  stillness.clear();
+  reference.clear();
+  reference_id = 0;
+  seeing = false;
+  status = FilterStatus::kTracking;
+  healthy_ns = initial.stamp_ns;
+  healthy = state->imu();
+}
+
+std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
+  const ImuState& now = state->imu();
+  if (stamp_ns <= now.stamp_ns || !imu.covers(stamp_ns)) return {};
+  std::vector<ImuSample> interval =
+      imu.between(now.stamp_ns, stamp_ns, config.max_imu_gap_s, report.imu_gaps);
+  const ImuIncrement increment =
+      integrate_imu(interval, now.gyro_bias, now.accel_bias, config.imu_noise);
+  state->propagate(increment, stamp_ns, config.gravity, config.imu_noise);
+  return interval;
+}
+
+bool Estimator::Impl::becomes_keyframe(const TrackList& tracks) const {
+  const int last = state->find_clone(reference_id);
+  if (last < 0) return true;
+  const CameraPose reference_camera =
+      camera_pose(state->clones()[static_cast<std::size_t>(last)].pose, state->extrinsics());
+  const CameraPose present_camera = camera_pose(state->imu().pose, state->extrinsics());
+  const ViewChange change = compare_views(reference, reference_camera, tracks, present_camera);
+  const double age = seconds_between(state->clones()[static_cast<std::size_t>(last)].stamp_ns,
+                                     state->imu().stamp_ns);
+  return change.parallax > config.keyframe_parallax || change.shared < config.keyframe_min_shared ||
+         age > config.keyframe_max_age_s;
+}
+
+// Tracks to be used now: those that ended, and those whose oldest view is about to leave.
+std::vector<const Track*> Estimator::Impl::ended_or_leaving(
+    std::optional<std::uint64_t> leaving) const {
+  std::vector<const Track*> chosen;
+  for (const Track& track : store.tracks()) {
+    const bool leaves = leaving && !track.observations.empty() && track.find(*leaving) != nullptr;
+    if (!track.seen_now || leaves) chosen.push_back(&track);
+  }
+  std::stable_sort(chosen.begin(), chosen.end(), [](const Track* a, const Track* b) {
+    return a->observations.size() > b->observations.size();
+  });
+  const auto limit = static_cast<std::size_t>(config.max_msckf_features);
+  if (chosen.size() > limit) chosen.resize(limit);
+  return chosen;
+}
+
+// Tracks that go on, longest first, those from cells without SLAM features before the others.
+std::vector<const Track*> Estimator::Impl::slam_candidates(
+    const std::vector<const Track*>& taken) const {
+  std::array<int, static_cast<std::size_t>(kGrid) * kGrid> in_cell{};
+  for (const SlamLandmark& landmark : state->landmarks()) {
+    ++in_cell[static_cast<std::size_t>(grid_cell(landmark.inverse_depth.head<2>()))];
+  }
+  std::vector<const Track*> chosen;
+  for (const Track& track : store.tracks()) {
+    const bool used = std::find(taken.begin(), taken.end(), &track) != taken.end();
+    if (track.seen_now && !used && track.observations.size() >= 4) chosen.push_back(&track);
+  }
+  const auto crowd = [&](const Track* track) {
+    return in_cell[static_cast<std::size_t>(grid_cell(track->observations.back().bearing))];
+  };
+  std::stable_sort(chosen.begin(), chosen.end(), [&](const Track* a, const Track* b) {
+    if (crowd(a) != crowd(b)) return crowd(a) < crowd(b);
+    return a->observations.size() > b->observations.size();
+  });
+  return chosen;
+}
+
+void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport& report) {
+  for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
+    const std::uint64_t id = state->landmarks()[static_cast<std::size_t>(i)].track_id;
+    const auto place = std::lower_bound(tracks.begin(), tracks.end(), id,
+                                        [](const TrackObservation& track, std::uint64_t wanted) {
+                                          return track.track_id < wanted;
+                                        });
+    if (place != tracks.end() && place->track_id == id) continue;
+    state->remove_landmark(i);
+    ++report.slam_lost;
+  }
+}
+
+void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
+  vision->reanchor(*state, index, report);
+  store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
+  state->remove_clone(index);
+}
+
+void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report) {
+  if (leaving) drop_clone(state->find_clone(*leaving), report);
+  for (int i = static_cast<int>(state->clones().size()) - 2; i >= 0; --i) {
+    if (!state->clones()[static_cast<std::size_t>(i)].keyframe) drop_clone(i, report);
+  }
+}
+
+// Before the first visual update the window only collects; each new keyframe is a chance to start.
+void Estimator::Impl::try_start(UpdateReport& report) {
+  std::vector<const Track*> tracks;
+  for (const Track& track : store.tracks()) {
+    if (track.observations.size() >= 3) tracks.push_back(&track);
+  }
+  std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
+    return a->observations.size() > b->observations.size();
+  });
+  if (state->clones().back().keyframe && state->clones().size() >= 4) {
+    seeing = vision->start(*state, tracks, report);
+  }
+  if (!seeing) return;
+  store.forget_all_observations();
+  for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
+}
+
+// Drops the keyframe whose neighbours are closest in time: the window keeps its first view and
+// covers ever more motion.
+void Estimator::Impl::thin_window(UpdateReport& report) {
+  const auto& clones = state->clones();
+  int closest = -1;
+  double shortest = 0;
+  for (int i = 1; i + 2 < static_cast<int>(clones.size()); ++i) {
+    const auto at = [&](int index) { return clones[static_cast<std::size_t>(index)].stamp_ns; };
+    const double span = seconds_between(at(i - 1), at(i + 1));
+    if (closest < 0 || span < shortest) {
+      closest = i;
+      shortest = span;
+    }
+  }
+  if (closest > 0) drop_clone(closest, report);
+}
+
+void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
+  const std::uint64_t clone_id = state->clones().back().id;
+  store.begin_image();
+  for (const TrackObservation& track : tracks) {
+    if (state->find_landmark(track.track_id) >= 0) continue;
+    store.add(track.track_id, {clone_id, track.bearing, track.sigma});
+  }
+  if (!seeing) {
+    const double start_ms = now_ms();
+    try_start(report);
+    store.end_image();
+    marginalize(std::nullopt, report);
+    if (static_cast<int>(state->clones().size()) > config.max_clones) thin_window(report);
+    report.msckf_ms = now_ms() - start_ms;
+    return;
+  }
+  drop_lost_landmarks(tracks, report);
+  const double slam_start = now_ms();
+  vision->update_slam(*state, tracks, report);
+  const double msckf_start = now_ms();
+  report.slam_ms = msckf_start - slam_start;
+
+  int keyframes = 0;
+  for (const Clone& clone : state->clones()) keyframes += clone.keyframe ? 1 : 0;
+  std::optional<std::uint64_t> leaving;
+  if (keyframes > config.max_clones) leaving = state->clones().front().id;
+
+  const std::vector<const Track*> features = ended_or_leaving(leaving);
+  const int free_slots = config.max_slam_features - static_cast<int>(state->landmarks().size());
+  std::vector<const Track*> candidates;
+  if (free_slots > 0) candidates = slam_candidates(features);
+  for (const std::uint64_t id :
+       vision->update_tracks(*state, features, candidates, free_slots, report)) {
+    if (state->find_landmark(id) >= 0) {
+      store.forget_track(id);
+    } else {
+      store.forget_observations(id);
+    }
+  }
+  store.end_image();
+  marginalize(leaving, report);
+  report.msckf_ms = now_ms() - msckf_start;
+}
+
+// Lost: most features contradict the state for seconds, none is accepted though there are many, or
+// the motion is impossible.
+void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report) {
+  const int used = report.slam_used + report.msckf_used;
+  const int gated = report.slam_gated + report.msckf_gated;
+  const bool finite = state->imu().pose.p_world_imu.allFinite() &&
+                      state->imu().pose.q_world_imu.coeffs().allFinite();
+  const bool possible = finite && state->imu().v_world_imu.norm() < config.max_velocity &&
+                        (state->covariance().diagonal().array() >= 0).all();
+  if (possible && (report.zero_velocity || (used > 0 && used >= gated))) {
+    healthy_ns = stamp_ns;
+    healthy = state->imu();
+    status = FilterStatus::kTracking;
+    return;
+  }
+  const double blind_s = seconds_between(healthy_ns, stamp_ns);
+  if (possible && blind_s < kDegradedAfter_s) return;
+  status = FilterStatus::kDegraded;
+  if (!possible || (gated > used && blind_s > config.lost_after_s)) {
+    restart(stamp_ns, report);
+  } else if (seeing && tracks >= kEnoughTracks && blind_s > config.lost_after_s) {
+    look_again(report);
+  }
+}
+
+// Nothing is accepted any more because the poses have become too uncertain for one linearisation:
+// the next visual update is a batch again, from the present state and covariance.
+void Estimator::Impl::look_again(UpdateReport& report) {
+  for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
+    state->remove_landmark(i);
+    ++report.slam_lost;
+  }
+  seeing = false;
+}
+
+// Starts anew from the last healthy motion, as uncertain as dead reckoning since then has made it.
+void Estimator::Impl::restart(TimeNs stamp_ns, UpdateReport& report) {
+  const double age = seconds_between(healthy_ns, stamp_ns);
+  InitialState initial;
+  initial.stamp_ns = stamp_ns;
+  initial.pose = healthy.pose;
+  initial.pose.p_world_imu += healthy.v_world_imu * age;
+  initial.v_world_imu = healthy.v_world_imu;
+  initial.gyro_bias = healthy.gyro_bias;
+  initial.accel_bias = healthy.accel_bias;
+  initial.velocity_sigma = 1.0 + age;
+  initial.position_sigma = initial.velocity_sigma * std::max(age, 0.1);
+  initial.tilt_sigma = 0.1;
+  initial.yaw_sigma = 0.2;
+  start(initial);
+  status = FilterStatus::kLost;
+  report.reinitialized = true;
+}
+
+Estimator::Estimator(const EstimatorConfig& config, StageClock clock)
+    : impl_(std::make_unique<Impl>(config, clock)) {}
+Estimator::~Estimator() = default;
+Estimator::Estimator(Estimator&&) noexcept = default;
+Estimator& Estimator::operator=(Estimator&&) noexcept = default;
+
+void Estimator::initialize(const InitialState& start) { impl_->start(start); }
+
+bool Estimator::initialized() const { return impl_->state.has_value(); }
+
+void Estimator::add_imu(const ImuSample& sample) {
+  switch (impl_->imu.add(sample, impl_->config.max_gyro, impl_->config.max_accel)) {
+    case ImuBuffer::Added::kYes:
+      break;
+    case ImuBuffer::Added::kOutOfOrder:
+      ++impl_->pending.out_of_order;
+      break;
+    case ImuBuffer::Added::kInvalid:
+      ++impl_->pending.imu_rejected;
+      break;
+  }
+}
+
+UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
+  Impl& self = *impl_;
+  UpdateReport report = self.pending;
+  self.pending = {};
+  if (!self.state) return report;
+  const double start = self.now_ms();
+  const TimeNs stamp_ns =
+      measurement.stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
+  const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
+  const bool at_start = stamp_ns == self.state->imu().stamp_ns;
+  if (interval.empty() && !(at_start && self.state->clones().empty())) {
+    ++report.out_of_order;
+    return report;
+  }
+  report.propagated = true;
+  const TrackList tracks = sorted_by_id(measurement.tracks);
+  self.stillness.add_image(stamp_ns, tracks, self.config.still_window_s);
+  if (self.config.zero_velocity_updates && !interval.empty() &&
+      self.stillness.visually_still(self.config.still_window_s, self.config.still_parallax) &&
+      inertially_still(self.imu.last(stamp_ns, self.config.still_window_s), self.config,
+                       self.state->imu().gyro_bias)) {
+    report.zero_velocity =
+        update_zero_velocity(*self.state, *self.still_update, interval, self.config);
+  }
+  const bool keyframe = self.becomes_keyframe(tracks);
+  const Eigen::Vector3d rate =
+      interval.empty() ? Eigen::Vector3d::Zero().eval()
+                       : (interval.back().gyro_imu - self.state->imu().gyro_bias).eval();
+  self.state->add_clone(self.next_clone_id++, measurement.stamp_ns, keyframe, rate);
+  if (keyframe) {
+    self.reference = tracks;
+    self.reference_id = self.state->clones().back().id;
+  }
+  self.imu.forget_before(stamp_ns - nanoseconds(2 * self.config.still_window_s));
+  report.propagate_ms = self.now_ms() - start;
+  self.update(tracks, report);
+  self.watch_health(stamp_ns, tracks.size(), report);
+  report.clones = static_cast<int>(self.state->clones().size());
+  report.slam_features = static_cast<int>(self.state->landmarks().size());
+  return report;
+}
+
+PeerReport Estimator::add_peer(const PeerMatches& matches) {
+  PeerReport report;
+  if (!impl_->state) {
+    report.unknown_track = static_cast<int>(matches.matches.size());
+    return report;
+  }
+  return update_from_peer(*impl_->state, matches, impl_->gate_peer);
+}
+
+Odometry Estimator::odometry() const {
+  Odometry odometry;
+  odometry.status = impl_->status;
+  if (!impl_->state) return odometry;
+  const State& state = *impl_->state;
+  const ImuState& imu = state.imu();
+  odometry.stamp_ns = imu.stamp_ns;
+  odometry.pose = imu.pose;
+  odometry.v_world_imu = imu.v_world_imu;
+  odometry.gyro_bias = imu.gyro_bias;
+  odometry.accel_bias = imu.accel_bias;
+  const auto P = state.covariance();
+  odometry.pose_covariance.topLeftCorner<3, 3>() = P.block<3, 3>(0, 0);
+  odometry.pose_covariance.topRightCorner<3, 3>() = P.block<3, 3>(0, State::kRotation);
+  odometry.pose_covariance.bottomLeftCorner<3, 3>() = P.block<3, 3>(State::kRotation, 0);
+  odometry.pose_covariance.bottomRightCorner<3, 3>() =
+      P.block<3, 3>(State::kRotation, State::kRotation);
+  return odometry;
+}
+
+std::vector<LandmarkEstimate> Estimator::landmarks() const {
+  std::vector<LandmarkEstimate> result;
+  if (!impl_->state) return result;
+  const int count = static_cast<int>(impl_->state->landmarks().size());
+  result.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) result.push_back(landmark_estimate(*impl_->state, i));
+  return result;
+}
+
+CameraExtrinsics Estimator::extrinsics() const {
+  return impl_->state ? impl_->state->extrinsics() : impl_->config.extrinsics;
+}
+
+}  // namespace covey

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One drone's filter: IMU and camera measurements in, odometry and reports out. Not thread-safe:
+// one thread owns it. Same input, same output.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "estimator/config.h"
+#include "estimator/measurements.h"
+
+namespace covey {
+
+// Where the filter starts, with one standard deviation of each error.
+struct InitialState {
+  TimeNs stamp_ns = 0;
+  Pose pose;
+  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
+  double position_sigma = 1e-3;   // m
+  double yaw_sigma = 1e-3;        // rad
+  double tilt_sigma = 5e-3;       // rad
+  double velocity_sigma = 0.02;   // m/s
+  double gyro_bias_sigma = 0.01;  // rad/s
+  double accel_bias_sigma = 0.1;  // m/s2
+};
+
+// What one camera measurement did. Counts of features unless said otherwise.
+struct UpdateReport {
+  bool propagated = false;     // false: no IMU up to the image, or not initialised
+  bool reinitialized = false;  // the filter lost itself and started anew at this image
+  bool zero_velocity = false;  // standing still was detected and used
+  int msckf_used = 0, msckf_gated = 0, msckf_untriangulated = 0;
+  int slam_used = 0, slam_gated = 0, slam_initialized = 0, slam_lost = 0, slam_reanchored = 0;
+  int clones = 0, slam_features = 0;
+  int imu_gaps = 0, imu_rejected = 0, out_of_order = 0;
+  int failed_updates = 0;  // innovation covariance not positive definite: nothing changed
+  double propagate_ms = 0, msckf_ms = 0,
+         slam_ms = 0;  // filled by the caller's clock, see StageClock
+};
+
+struct PeerReport {
+  int used = 0, gated = 0, unknown_track = 0, invalid = 0;
+  int uninformative = 0;  // agree, but the peer does not know the point much better
+};
+
+// A monotonic clock lent by the caller, so that the estimator itself never reads one. May be null.
+using StageClock = double (*)();  // ms
+
+class Estimator {
+ public:
+  explicit Estimator(const EstimatorConfig& config, StageClock clock = nullptr);
+  ~Estimator();
+  Estimator(Estimator&&) noexcept;
+  Estimator& operator=(Estimator&&) noexcept;
+
+  void initialize(const InitialState& start);
+  [[nodiscard]] bool initialized() const;
+
+  // IMU samples in time order, up to and a little past the next image.
+  void add_imu(const ImuSample& sample);
+
+  // Propagates to the image, clones, updates, marginalises.
+  UpdateReport add_camera(const CameraMeasurement& measurement);
+
+  // Collaborative SLAM-SLAM update: own landmarks and a peer's are one point each (paper,
+  // eq. 11..17).
+  PeerReport add_peer(const PeerMatches& matches);
+
+  [[nodiscard]] Odometry odometry() const;
+  [[nodiscard]] std::vector<LandmarkEstimate> landmarks() const;  // SLAM features, in world
+  [[nodiscard]] CameraExtrinsics extrinsics() const;              // as calibrated so far
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace covey

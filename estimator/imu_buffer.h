@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <deque>
+#include <vector>
+
+#include "estimator/measurements.h"
+
+namespace covey {
+
+// IMU samples that have not been integrated yet, in time order.
+class ImuBuffer {
+ public:
+  enum class Added { kYes, kOutOfOrder, kInvalid };
+
+  // Refuses samples that are not finite, beyond the limits, or not later than the last one.
+  Added add(const ImuSample& sample, double max_gyro, double max_accel);
+
+  [[nodiscard]] bool covers(TimeNs stamp_ns) const;
+  [[nodiscard]] TimeNs newest_ns() const { return samples_.empty() ? 0 : samples_.back().stamp_ns; }
+
+  // Samples from `from_ns` to `to_ns`, both ends interpolated (held before the first sample). Needs
+  // covers(to_ns). `gaps` counts neighbours further apart than `max_gap_s`.
+  [[nodiscard]] std::vector<ImuSample> between(TimeNs from_ns, TimeNs to_ns, double max_gap_s,
+                                               int& gaps) const;
+  // Samples of the last `window_s` before `to_ns`.
+  [[nodiscard]] std::vector<ImuSample> last(TimeNs to_ns, double window_s) const;
+
+  void forget_before(TimeNs stamp_ns);  // keeps one sample before it, to interpolate from
+
+ private:
+  std::deque<ImuSample> samples_;
+};
+
+}  // namespace covey

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/keyframe_policy.h"
+
+#include <algorithm>
+
+namespace covey {
+
+TrackList sorted_by_id(const std::vector<TrackObservation>& tracks) {
+  TrackList sorted = tracks;
+  std::sort(sorted.begin(), sorted.end(), [](const TrackObservation& a, const TrackObservation& b) {
+    return a.track_id < b.track_id;
+  });
+  return sorted;
+}
+
+ViewChange compare_views(const TrackList& reference, const CameraPose& reference_camera,
+                         const TrackList& present, const CameraPose& present_camera) {
+  const Eigen::Matrix3d R_reference_present =
+      reference_camera.R_world_cam.transpose() * present_camera.R_world_cam;
+  std::vector<double> motions;
+  motions.reserve(present.size());
+  auto old = reference.begin();
+  for (const TrackObservation& track : present) {
+    while (old != reference.end() && old->track_id < track.track_id) ++old;
+    if (old == reference.end() || old->track_id != track.track_id) continue;
+    const Eigen::Vector3d turned = R_reference_present * track.bearing.homogeneous();
+    if (turned.z() < 1e-3) continue;
+    motions.push_back((turned.head<2>() / turned.z() - old->bearing).norm());
+  }
+  if (motions.empty()) return {};
+  const auto middle = motions.begin() + static_cast<std::ptrdiff_t>(motions.size() / 2);
+  std::nth_element(motions.begin(), middle, motions.end());
+  return {*middle, static_cast<double>(motions.size()) / static_cast<double>(present.size())};
+}
+
+}  // namespace covey

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which images stay in the window: by motion, not by count. At 30 Hz neighbouring images are nearly
+// the same view; a window of them has no baseline, and landmarks made from it no depth.
+#pragma once
+
+#include <vector>
+
+#include "estimator/observation_model.h"
+
+namespace covey {
+
+struct ViewChange {
+  double parallax = 0;  // median motion of shared tracks, rotation taken out, normalised plane
+  double shared = 0;    // share of the present tracks that the reference saw too
+};
+
+// Tracks of one image, ascending ids.
+using TrackList = std::vector<TrackObservation>;
+
+[[nodiscard]] TrackList sorted_by_id(const std::vector<TrackObservation>& tracks);
+
+[[nodiscard]] ViewChange compare_views(const TrackList& reference,
+                                       const CameraPose& reference_camera, const TrackList& present,
+                                       const CameraPose& present_camera);
+
+}  // namespace covey

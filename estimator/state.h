@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The filter's state: nominal values, first estimates for the Jacobians, and one covariance.
+//
+// Error state, in this order:
+//   IMU          [dp dv dtheta dbg dba]                     15   (paper eq. 3)
+//   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    0, 6, 1 or 7
+//   clones       [dp dtheta] each, IMU pose at an image     6 M  (paper eq. 4)
+//   landmarks    [dalpha dbeta drho] each, anchored         3 N  (paper eq. 5)
+// Rotation errors are local: q = q_hat * Exp(dtheta). Clones are IMU poses, not camera poses as in
+// the paper, so that extrinsics which are calibrated online move all of them at once.
+//
+// First-estimate Jacobians (Huang, Mourikis, Roumeliotis, IJRR 2010): every pose and landmark is
+// linearised where it was first estimated (`first`), so that the filter never believes it has
+// learnt the global position and yaw that nothing observes.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "estimator/config.h"
+#include "estimator/imu_increment.h"
+#include "estimator/measurements.h"
+
+namespace covey {
+
+struct ImuState {
+  TimeNs stamp_ns = 0;
+  Pose pose;
+  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
+};
+
+struct Clone {
+  std::uint64_t id = 0;
+  TimeNs stamp_ns = 0;    // of the image
+  bool keyframe = false;  // stays in the window; others leave with the next image
+  Pose pose, first;
+};
+
+// A SLAM feature: (x/z, y/z, 1/z) in the anchor clone's camera.
+struct SlamLandmark {
+  std::uint64_t track_id = 0;
+  std::uint64_t anchor_id = 0;  // Clone::id, always a keyframe
+  Eigen::Vector3d inverse_depth = Eigen::Vector3d::Zero();
+  Eigen::Vector3d first = Eigen::Vector3d::Zero();
+  int gated_in_a_row = 0;
+};
+
+class State {
+ public:
+  static constexpr int kPosition = 0, kVelocity = 3, kRotation = 6, kGyroBias = 9, kAccelBias = 12;
+  static constexpr int kImuSize = 15;
+
+  State(const EstimatorConfig& config, const ImuState& imu,
+        const Eigen::Matrix<double, kImuSize, kImuSize>& imu_covariance);
+
+  [[nodiscard]] const ImuState& imu() const { return imu_; }
+  [[nodiscard]] const CameraExtrinsics& extrinsics() const { return extrinsics_; }
+  [[nodiscard]] const std::vector<Clone>& clones() const { return clones_; }
+  [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
+  [[nodiscard]] int dimension() const { return dimension_; }
+  [[nodiscard]] auto covariance() const { return P_.topLeftCorner(dimension_, dimension_); }
+
+  // Where things stand in the error state; -1 when not estimated.
+  [[nodiscard]] int extrinsics_offset() const { return extrinsics_offset_; }
+  [[nodiscard]] int time_offset_offset() const { return time_offset_offset_; }
+  [[nodiscard]] int calibration_size() const { return calibration_size_; }
+  [[nodiscard]] int clones_offset() const { return kImuSize + calibration_size_; }
+  [[nodiscard]] int clone_offset(int index) const { return clones_offset() + 6 * index; }
+  [[nodiscard]] int landmark_offset(int index) const {
+    return clones_offset() + 6 * static_cast<int>(clones_.size()) + 3 * index;
+  }
+  // Index of a clone or landmark by its id, -1 when it is not there.
+  [[nodiscard]] int find_clone(std::uint64_t id) const;
+  [[nodiscard]] int find_landmark(std::uint64_t track_id) const;
+  // The largest dimension that the configuration allows.
+  [[nodiscard]] int capacity() const { return static_cast<int>(P_.rows()); }
+
+  // Carries the IMU state over one increment, with its noise and the biases' random walk.
+  void propagate(const ImuIncrement& increment, TimeNs stamp_ns, double gravity,
+                 const ImuNoise& noise);
+  // Copies the present IMU pose into the window. `rate_imu`: for the time offset's column.
+  void add_clone(std::uint64_t id, TimeNs image_stamp_ns, bool keyframe,
+                 const Eigen::Vector3d& rate_imu);
+  void remove_clone(int index);
+  // `cross`: 3 x dimension(), covariance of the new landmark with the state; `own`: 3 x 3.
+  void add_landmark(const SlamLandmark& landmark, const Eigen::MatrixXd& cross,
+                    const Eigen::Matrix3d& own);
+  void remove_landmark(int index);
+  // New anchor and coordinates; `J`: 3 x dimension(), d(new coordinates)/d(error state).
+  void reanchor_landmark(int index, const SlamLandmark& moved, const Eigen::MatrixXd& J);
+  void count_gated(int landmark_index, bool gated);
+
+  // Linearise everything at the present values from here on. Only before the first visual update.
+  void forget_first_estimates();
+  // Error that takes the other state's clones and calibration to this one's: calibration, clones.
+  [[nodiscard]] Eigen::VectorXd window_minus(const State& other) const;
+
+  // x <- x (+) dx,  P <- P - W W^T.
+  void correct(const Eigen::VectorXd& dx, const Eigen::Ref<const Eigen::MatrixXd>& W);
+  // x <- x (+) dx,  P <- P - G D G^T, for a symmetric D that need not be positive (covariance
+  // intersection); the caller vouches that the result is positive definite.
+  void correct(const Eigen::VectorXd& dx, const Eigen::MatrixXd& G, const Eigen::Matrix3d& D);
+
+ private:
+  void apply(const Eigen::VectorXd& dx);
+  void mirror_lower();
+  void insert_rows(int offset, int size);
+  void remove_rows(int offset, int size);
+
+  ImuState imu_, imu_first_;
+  CameraExtrinsics extrinsics_;
+  std::vector<Clone> clones_;
+  std::vector<SlamLandmark> landmarks_;
+  int extrinsics_offset_ = -1, time_offset_offset_ = -1, calibration_size_ = 0;
+  int dimension_ = 0;
+  Eigen::MatrixXd P_;  // capacity x capacity; the top left dimension_ x dimension_ is in use
+};
+
+}  // namespace covey

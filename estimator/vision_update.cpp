@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/vision_update.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace covey {
+namespace {
+
+constexpr int kMinObservations = 3;  // of a track, before it says anything about the motion
+constexpr int kGatedUntilDropped = 3;
+constexpr double kMaxBearingDepthError = 0.5;  // beyond it bearing noise alone hides the depth
+
+// The start: iterations, when it has converged, and when it is believed.
+constexpr int kStartIterations = 8;
+constexpr double kStartConverged = 1e-3;  // m and rad, largest change
+constexpr int kMinStartTracks = 20;
+constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared residuals
+constexpr double kMaxStartDepthError = 0.15;  // median
+constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
+
+int window_columns(const State& state) {
+  return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
+}
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The youngest keyframe that saw the track: it stays in the window longest.
+int choose_anchor(const State& state, const Track& track) {
+  for (auto o = track.observations.rbegin(); o != track.observations.rend(); ++o) {
+    const int index = state.find_clone(o->clone_id);
+    if (index >= 0 && state.clones()[static_cast<std::size_t>(index)].keyframe) return index;
+  }
+  return -1;
+}
+
+// Rows of one SLAM feature seen in one clone: Jacobian over [calibration | anchor | clone |
+// feature].
+struct SlamRows {
+  Eigen::Matrix<double, 2, 22> H = Eigen::Matrix<double, 2, 22>::Zero();
+  Eigen::Vector2d r = Eigen::Vector2d::Zero();
+  Columns columns;
+  int width = 0;
+  bool valid = false;
+};
+
+void append(SlamRows& rows, const Eigen::Ref<const Eigen::MatrixXd>& J, int offset) {
+  rows.H.block(0, rows.width, 2, J.cols()) = J;
+  rows.columns.add(offset, static_cast<int>(J.cols()));
+  rows.width += static_cast<int>(J.cols());
+}
+
+SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
+                   const Eigen::Vector2d& bearing, double sigma) {
+  SlamRows rows;
+  const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(landmark_index)];
+  const int anchor_index = state.find_clone(landmark.anchor_id);
+  const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
+  const Clone& clone = state.clones()[static_cast<std::size_t>(clone_index)];
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  if (landmark.inverse_depth.z() <= 0) return rows;
+  const Eigen::Vector3d p_now =
+      anchored_point(landmark.inverse_depth, anchor.pose, extrinsics).p_world;
+  const PointObservation now = observe_point(p_now, clone.pose, extrinsics);
+  const AnchoredPoint point = anchored_point(landmark.first, anchor.first, extrinsics);
+  const PointObservation first = observe_point(point.p_world, clone.first, extrinsics);
+  if (!now.in_front || !first.in_front) return rows;
+
+  rows.r = (bearing - now.bearing) / sigma;
+  const Matrix23d J_point = first.J_point / sigma;
+  if (state.extrinsics_offset() >= 0) {
+    append(rows, first.J_extrinsics / sigma + J_point * point.J_extrinsics,
+           state.extrinsics_offset());
+  }
+  if (anchor_index != clone_index) {
+    append(rows, J_point * point.J_anchor, state.clone_offset(anchor_index));
+    append(rows, first.J_pose / sigma, state.clone_offset(clone_index));
+  }
+  append(rows, J_point * point.J_inverse_depth, state.landmark_offset(landmark_index));
+  rows.valid = true;
+  return rows;
+}
+
+}  // namespace
+
+VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
+    : config_(config),
+      gate_(config.gate_confidence, 2 * (config.max_clones + 2)),
+      slam_update_(2 * config.max_slam_features, state_capacity),
+      stacked_update_(state_capacity, state_capacity) {
+  const Eigen::Index max_observations = config.max_clones + 2;
+  const Eigen::Index max_columns = 7 + 6 * max_observations + 1;
+  const Eigen::Index max_tracks = config.max_msckf_features + config.max_slam_features;
+  H_feature_.resize(2 * max_observations, 3);
+  H_track_.resize(2 * max_observations, max_columns);
+  stack_.resize(max_tracks * 2 * max_observations, max_columns);
+  views_.reserve(static_cast<std::size_t>(max_observations));
+}
+
+void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>& observations,
+                               UpdateReport& report) {
+  const int clone_index = static_cast<int>(state.clones().size()) - 1;
+  slam_update_.begin(state);
+  for (const TrackObservation& observation : observations) {
+    const int landmark = state.find_landmark(observation.track_id);
+    if (landmark < 0) continue;
+    const SlamRows rows = slam_rows(state, landmark, clone_index, observation.bearing,
+                                    observation.sigma * config_.observation_noise_scale);
+    const bool gated = !rows.valid || slam_update_.add(state, rows.H.leftCols(rows.width), rows.r,
+                                                       rows.columns) > gate_.limit(2);
+    if (gated && rows.valid) slam_update_.drop_last();
+    state.count_gated(landmark, gated);
+    ++(gated ? report.slam_gated : report.slam_used);
+  }
+  if (!slam_update_.apply(state)) ++report.failed_updates;
+  for (int i = static_cast<int>(state.landmarks().size()) - 1; i >= 0; --i) {
+    const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
+    if (landmark.gated_in_a_row < kGatedUntilDropped && landmark.inverse_depth.z() > 0) continue;
+    state.remove_landmark(i);
+    ++report.slam_lost;
+  }
+}
+
+bool VisionUpdate::linearize(const State& state, const Track& track, Linearized& result) {
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  const int anchor_index = choose_anchor(state, track);
+  if (anchor_index < 0 || track.observations.size() < kMinObservations) return false;
+  views_.clear();
+  for (const CloneObservation& o : track.observations) {
+    const Clone& clone = state.clones()[static_cast<std::size_t>(state.find_clone(o.clone_id))];
+    views_.push_back({camera_pose(clone.pose, extrinsics), o.bearing,
+                      o.sigma * config_.observation_noise_scale});
+  }
+  const auto point = triangulate(views_, {config_.min_depth, config_.max_depth});
+  if (!point || point->relative_depth_error > kMaxBearingDepthError) return false;
+
+  const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
+  const auto in_anchor = inverse_depth_of_point(point->p_world, anchor.pose, extrinsics);
+  if (!in_anchor.in_front) return false;
+  result.landmark = {track.id, anchor.id, in_anchor.inverse_depth, in_anchor.inverse_depth, 0};
+  const AnchoredPoint first = anchored_point(in_anchor.inverse_depth, anchor.first, extrinsics);
+
+  const int columns = window_columns(state);
+  result.rows = 2 * static_cast<int>(track.observations.size());
+  H_track_.topLeftCorner(result.rows, columns + 1).setZero();
+  const int window = state.clones_offset() - state.calibration_size();
+  int row = 0;
+  for (const CloneObservation& o : track.observations) {
+    const int index = state.find_clone(o.clone_id);
+    const Clone& clone = state.clones()[static_cast<std::size_t>(index)];
+    const double sigma = o.sigma * config_.observation_noise_scale;
+    const PointObservation now = observe_point(point->p_world, clone.pose, extrinsics);
+    const PointObservation at_first = observe_point(first.p_world, clone.first, extrinsics);
+    if (!now.in_front || !at_first.in_front) return false;
+    const Matrix23d J_point = at_first.J_point / sigma;
+    auto H = H_track_.middleRows(row, 2);
+    H.middleCols(state.clone_offset(index) - window, 6) += at_first.J_pose / sigma;
+    H.middleCols(state.clone_offset(anchor_index) - window, 6) += J_point * first.J_anchor;
+    if (state.extrinsics_offset() >= 0) {
+      H.middleCols(state.extrinsics_offset() - window, 6) +=
+          at_first.J_extrinsics / sigma + J_point * first.J_extrinsics;
+    }
+    H.col(columns) = (o.bearing - now.bearing) / sigma;
+    H_feature_.middleRows(row, 2) = J_point * first.J_inverse_depth;
+    row += 2;
+  }
+  project_out_feature(H_feature_.topRows(result.rows),
+                      H_track_.topLeftCorner(result.rows, columns + 1));
+  return true;
+}
+
+VisionUpdate::Outcome VisionUpdate::examine(const State& state, const Track& track,
+                                            double max_depth_error, Linearized& result) {
+  if (!linearize(state, track, result) || depth_error(state, result) > max_depth_error) {
+    return Outcome::kUntriangulated;
+  }
+  return passes_gate(state, result.rows) ? Outcome::kOk : Outcome::kGated;
+}
+
+// Standard deviation of the inverse depth over its value, from the noise of the bearings and the
+// uncertainty of the poses between them: what decides whether the linearisation holds.
+double VisionUpdate::depth_error(const State& state, const Linearized& feature) const {
+  const int columns = window_columns(state);
+  const int window = state.clones_offset() - state.calibration_size();
+  const Eigen::Matrix3d R_inverse =
+      Eigen::Matrix3d(H_feature_.topRows<3>().triangularView<Eigen::Upper>()).inverse();
+  const Eigen::RowVectorXd J = R_inverse.row(2) * H_track_.block(0, 0, 3, columns);
+  const auto P = state.covariance().block(window, window, columns, columns);
+  const double variance = (J * P).dot(J) + R_inverse.row(2).squaredNorm();
+  return std::sqrt(variance) / feature.landmark.inverse_depth.z();
+}
+
+// Chi-square test of the rows that no longer depend on the feature: 2k - 3 degrees of freedom.
+bool VisionUpdate::passes_gate(const State& state, int rows) const {
+  const int columns = window_columns(state);
+  const int m = rows - 3;
+  const auto H = H_track_.block(3, 0, m, columns);
+  const auto r = H_track_.col(columns).segment(3, m);
+  const int window = state.clones_offset() - state.calibration_size();
+  const auto P = state.covariance().block(window, window, columns, columns);
+  Eigen::MatrixXd S = Eigen::MatrixXd::Identity(m, m);
+  const Eigen::MatrixXd HP = H * P;
+  S.noalias() += HP * H.transpose();
+  return r.dot(S.ldlt().solve(r)) < gate_.limit(m);
+}
+
+void VisionUpdate::stack_rows(int rows, int columns) {
+  const int m = rows - 3;
+  stack_.block(stack_rows_, 0, m, columns + 1) = H_track_.block(3, 0, m, columns + 1);
+  stack_rows_ += m;
+}
+
+// The three rows that do depend on the feature make it part of the state (Li and Mourikis, 2012):
+// R df + H dx + n = r  gives  df = inv(R) (r - H dx - n).
+void VisionUpdate::augment(State& state, const Linearized& feature) {
+  const int columns = window_columns(state);
+  const int window = state.clones_offset() - state.calibration_size();
+  const Eigen::Matrix3d R = H_feature_.topRows<3>().triangularView<Eigen::Upper>();
+  const Eigen::Matrix3d R_inverse = R.inverse();
+  const Eigen::MatrixXd J = -R_inverse * H_track_.block(0, 0, 3, columns);
+  const int dimension = state.dimension();
+  const Eigen::MatrixXd cross = J * state.covariance().block(window, 0, columns, dimension);
+  const Eigen::Matrix3d own =
+      cross.middleCols(window, columns) * J.transpose() + R_inverse * R_inverse.transpose();
+  SlamLandmark landmark = feature.landmark;
+  landmark.inverse_depth += R_inverse * H_track_.col(columns).head<3>();
+  state.add_landmark(landmark, cross, (own + own.transpose()) / 2);
+}
+
+std::vector<std::uint64_t> VisionUpdate::update_tracks(State& state,
+                                                       const std::vector<const Track*>& features,
+                                                       const std::vector<const Track*>& candidates,
+                                                       int free_slots, UpdateReport& report) {
+  std::vector<std::uint64_t> used;
+  const int columns = window_columns(state);
+  stack_rows_ = 0;
+  Linearized feature;
+  for (const Track* track : features) {
+    const Outcome outcome = examine(state, *track, config_.max_msckf_depth_error, feature);
+    if (outcome == Outcome::kOk) stack_rows(feature.rows, columns);
+    ++(outcome == Outcome::kOk      ? report.msckf_used
+       : outcome == Outcome::kGated ? report.msckf_gated
+                                    : report.msckf_untriangulated);
+    if (outcome != Outcome::kUntriangulated) used.push_back(track->id);
+  }
+  for (const Track* track : candidates) {
+    if (free_slots == 0) break;
+    if (examine(state, *track, config_.max_slam_depth_error, feature) != Outcome::kOk) continue;
+    stack_rows(feature.rows, columns);
+    augment(state, feature);
+    used.push_back(track->id);
+    ++report.slam_initialized;
+    --free_slots;
+  }
+  if (!apply_stack(state)) ++report.failed_updates;
+  return used;
+}
+
+VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
+                                                         const std::vector<const Track*>& tracks) {
+  const int columns = window_columns(state);
+  stack_rows_ = 0;
+  StartQuality quality;
+  std::vector<double> depth_errors, residuals;
+  Linearized feature;
+  for (const Track* track : tracks) {
+    if (stack_rows_ + 2 * static_cast<int>(track->observations.size()) > stack_.rows()) break;
+    if (!linearize(state, *track, feature)) continue;
+    const int m = feature.rows - 3;
+    // Distance of this track from fitting, whatever the state's uncertainty: outliers stay out.
+    const double squared = H_track_.col(columns).segment(3, m).squaredNorm();
+    depth_errors.push_back(depth_error(state, feature));
+    const double weight = std::min(1.0, kStartOutlier * kStartOutlier * m / squared);
+    H_track_.block(3, 0, m, columns + 1) *= std::sqrt(weight);
+    residuals.push_back(squared / m);
+    stack_rows(feature.rows, columns);
+  }
+  quality.tracks = static_cast<int>(depth_errors.size());
+  if (quality.tracks == 0) return quality;
+  quality.median_squared_residual = median(residuals);
+  quality.median_depth_error = median(depth_errors);
+  return quality;
+}
+
+bool VisionUpdate::start(State& state, const std::vector<const Track*>& tracks,
+                         UpdateReport& report) {
+  State current = state;
+  current.forget_first_estimates();
+  const int columns = window_columns(state);
+  for (int i = 0; i < kStartIterations; ++i) {
+    if (stack_for_start(current, tracks).tracks < kMinStartTracks) return false;
+    // Iterated update (Jazwinski 1970, section 8.3): prior and Jacobians at the present iterate.
+    auto H = stack_.topLeftCorner(stack_rows_, columns);
+    stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
+    State next = state;
+    if (!apply_stack(next)) return false;
+    next.forget_first_estimates();
+    const double change = next.window_minus(current).cwiseAbs().maxCoeff();
+    current = next;
+    if (change < kStartConverged) break;
+  }
+  const StartQuality quality = stack_for_start(current, tracks);
+  if (quality.tracks < kMinStartTracks || quality.median_squared_residual > kMaxStartResidual ||
+      !(quality.median_depth_error < kMaxStartDepthError)) {
+    return false;
+  }
+  state = current;
+  report.msckf_used += quality.tracks;
+  augment_at_start(state, tracks, report);
+  return true;
+}
+
+// The tracks' own rows are still unused: they make the tracks that go on SLAM features, so that
+// what has been learnt about their depth is kept.
+void VisionUpdate::augment_at_start(State& state, const std::vector<const Track*>& tracks,
+                                    UpdateReport& report) {
+  Linearized feature;
+  for (const Track* track : tracks) {
+    if (static_cast<int>(state.landmarks().size()) == config_.max_slam_features) return;
+    if (!track->seen_now ||
+        examine(state, *track, config_.max_slam_depth_error, feature) != Outcome::kOk) {
+      continue;
+    }
+    augment(state, feature);
+    ++report.slam_initialized;
+  }
+}
+
+bool VisionUpdate::apply_stack(State& state) {
+  if (stack_rows_ == 0) return true;
+  const int columns = window_columns(state);
+  const int rows = compress_rows(stack_.topLeftCorner(stack_rows_, columns + 1));
+  Columns range;
+  range.add(state.clones_offset() - state.calibration_size(), columns);
+  stacked_update_.begin(state);
+  stacked_update_.add(state, stack_.topLeftCorner(rows, columns), stack_.col(columns).head(rows),
+                      range);
+  return stacked_update_.apply(state);
+}
+
+void VisionUpdate::reanchor(State& state, int leaving_clone, UpdateReport& report) const {
+  const auto& clones = state.clones();
+  const std::uint64_t leaving_id = clones[static_cast<std::size_t>(leaving_clone)].id;
+  int target = -1;
+  for (int i = static_cast<int>(clones.size()) - 1; i >= 0 && target < 0; --i) {
+    if (i != leaving_clone && clones[static_cast<std::size_t>(i)].keyframe) target = i;
+  }
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  for (int i = static_cast<int>(state.landmarks().size()) - 1; i >= 0; --i) {
+    const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
+    if (landmark.anchor_id != leaving_id) continue;
+    const Clone& from = clones[static_cast<std::size_t>(leaving_clone)];
+    const AnchoredPoint now = anchored_point(landmark.inverse_depth, from.pose, extrinsics);
+    const AnchoredPoint first = anchored_point(landmark.first, from.first, extrinsics);
+    InverseDepthOfPoint moved_now, moved_first;
+    if (target >= 0) {
+      const Clone& to = clones[static_cast<std::size_t>(target)];
+      moved_now = inverse_depth_of_point(now.p_world, to.pose, extrinsics);
+      moved_first = inverse_depth_of_point(first.p_world, to.first, extrinsics);
+    }
+    if (!moved_now.in_front || !moved_first.in_front) {
+      state.remove_landmark(i);
+      ++report.slam_lost;
+      continue;
+    }
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, state.dimension());
+    J.middleCols(state.landmark_offset(i), 3) = moved_first.J_point * first.J_inverse_depth;
+    J.middleCols(state.clone_offset(leaving_clone), 6) = moved_first.J_point * first.J_anchor;
+    J.middleCols(state.clone_offset(target), 6) += moved_first.J_pose;
+    if (state.extrinsics_offset() >= 0) {
+      J.middleCols(state.extrinsics_offset(), 6) =
+          moved_first.J_extrinsics + moved_first.J_point * first.J_extrinsics;
+    }
+    SlamLandmark moved = landmark;
+    moved.anchor_id = clones[static_cast<std::size_t>(target)].id;
+    moved.inverse_depth = moved_now.inverse_depth;
+    moved.first = moved_first.inverse_depth;
+    state.reanchor_landmark(i, moved, J);
+    ++report.slam_reanchored;
+  }
+}
+
+}  // namespace covey

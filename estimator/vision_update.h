@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the camera tells the filter: SLAM features seen in the present image, MSCKF features whose
+// track ended or whose oldest clone is about to leave, and tracks that become SLAM features.
+#pragma once
+
+#include <vector>
+
+#include "estimator/chi_square.h"
+#include "estimator/ekf_update.h"
+#include "estimator/estimator.h"
+#include "estimator/state.h"
+#include "estimator/track_store.h"
+#include "estimator/triangulation.h"
+
+namespace covey {
+
+class VisionUpdate {
+ public:
+  VisionUpdate(const EstimatorConfig& config, int state_capacity);
+
+  // Observations of SLAM features in the newest clone (2 degrees of freedom each).
+  void update_slam(State& state, const std::vector<TrackObservation>& observations,
+                   UpdateReport& report);
+
+  // `features`: tracks to be used and forgotten; `candidates`: tracks that may become SLAM
+  // features, best first, at most `free_slots` of them. One stacked update for all. The tracks that
+  // were used are returned: their observations must not count again.
+  [[nodiscard]] std::vector<std::uint64_t> update_tracks(
+      State& state, const std::vector<const Track*>& features,
+      const std::vector<const Track*>& candidates, int free_slots, UpdateReport& report);
+
+  // The first visual update: all tracks and all clones at once, iterated (Gauss-Newton on prior and
+  // bearings), because before it neither depth nor scale is known and one linearisation would be
+  // wrong for good. Commits and returns true only when depths have become known and the tracks
+  // agree.
+  [[nodiscard]] bool start(State& state, const std::vector<const Track*>& tracks,
+                           UpdateReport& report);
+
+  // Moves the anchor of every SLAM feature off this clone; one that cannot be moved is dropped.
+  void reanchor(State& state, int leaving_clone, UpdateReport& report) const;
+
+ private:
+  // A track's whitened rows: columns [feature 3 | calibration | clones | residual].
+  struct Linearized {
+    SlamLandmark landmark;
+    int rows = 0;
+  };
+  enum class Outcome { kOk, kUntriangulated, kGated };
+
+  // Rows of a track, feature projected out; false when it cannot be triangulated.
+  [[nodiscard]] bool linearize(const State& state, const Track& track, Linearized& result);
+  // The same, judged: is its depth known, does it agree with the state?
+  Outcome examine(const State& state, const Track& track, double max_depth_error,
+                  Linearized& result);
+  // Medians over the tracks that were stacked: mean squared whitened residual, depth error.
+  struct StartQuality {
+    int tracks = 0;
+    double median_squared_residual = 0, median_depth_error = 0;
+  };
+  [[nodiscard]] StartQuality stack_for_start(const State& state,
+                                             const std::vector<const Track*>& tracks);
+  double depth_error(const State& state, const Linearized& feature) const;
+  void augment_at_start(State& state, const std::vector<const Track*>& tracks,
+                        UpdateReport& report);
+  bool passes_gate(const State& state, int rows) const;
+  void stack_rows(int rows, int columns);
+  void augment(State& state, const Linearized& feature);
+  bool apply_stack(State& state);
+
+  EstimatorConfig config_;
+  ChiSquareGate gate_;
+  EkfUpdate slam_update_, stacked_update_;
+  Eigen::Matrix<double, Eigen::Dynamic, 3> H_feature_;  // work space: one track
+  Eigen::MatrixXd H_track_;                             // one track: [calibration clones residual]
+  Eigen::MatrixXd stack_;                               // all tracks: [calibration clones residual]
+  int stack_rows_ = 0;
+  std::vector<View> views_;
+};
+
+}  // namespace covey

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/zero_velocity.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "estimator/chi_square.h"
+#include "estimator/so3.h"
+
+namespace covey {
+namespace {
+
+struct MeanReadings {
+  Eigen::Vector3d gyro = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel = Eigen::Vector3d::Zero();
+};
+
+MeanReadings mean(std::vector<ImuSample>::const_iterator begin,
+                  std::vector<ImuSample>::const_iterator end) {
+  MeanReadings sum;
+  for (auto sample = begin; sample != end; ++sample) {
+    sum.gyro += sample->gyro_imu;
+    sum.accel += sample->accel_imu;
+  }
+  const auto count = static_cast<double>(end - begin);
+  return {sum.gyro / count, sum.accel / count};
+}
+
+// Rotation of the camera between two images, as if all tracks were far away: least squares over
+// small angles, repeated without the tracks that do not fit.
+Eigen::Matrix3d fitted_rotation(const TrackList& first, const TrackList& last) {
+  constexpr double kOutlier = 0.02;  // normalised plane
+  Eigen::Matrix3d R_first_last = Eigen::Matrix3d::Identity();
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    Eigen::Matrix3d A = 1e-9 * Eigen::Matrix3d::Identity();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    auto old = first.begin();
+    for (const TrackObservation& track : last) {
+      while (old != first.end() && old->track_id < track.track_id) ++old;
+      if (old == first.end() || old->track_id != track.track_id) continue;
+      const Eigen::Vector3d turned = R_first_last * track.bearing.homogeneous();
+      const Eigen::Vector2d seen = turned.head<2>() / turned.z();
+      const Eigen::Vector2d error = old->bearing - seen;
+      if (iteration > 0 && error.norm() > kOutlier) continue;
+      Eigen::Matrix<double, 2, 3> J;  // d(seen)/d(dtheta), R <- Exp(dtheta) R
+      J << -seen.x() * seen.y(), 1 + seen.x() * seen.x(), -seen.y(),  //
+          -1 - seen.y() * seen.y(), seen.x() * seen.y(), seen.x();
+      A += J.transpose() * J;
+      b += J.transpose() * error;
+    }
+    R_first_last = exp_so3(A.ldlt().solve(b)) * R_first_last;
+  }
+  return R_first_last;
+}
+
+constexpr std::size_t kMinSamples = 20;
+constexpr std::size_t kMinShared = 15;
+
+}  // namespace
+
+bool inertially_still(const std::vector<ImuSample>& window, const EstimatorConfig& config,
+                      const Eigen::Vector3d& gyro_bias) {
+  if (window.size() < kMinSamples) return false;
+  if (seconds_between(window.front().stamp_ns, window.back().stamp_ns) <
+      0.9 * config.still_window_s) {
+    return false;
+  }
+  const auto middle = window.begin() + static_cast<std::ptrdiff_t>(window.size() / 2);
+  const MeanReadings early = mean(window.begin(), middle);
+  const MeanReadings late = mean(middle, window.end());
+  return (late.gyro - early.gyro).norm() < config.still_gyro &&
+         (late.accel - early.accel).norm() < config.still_accel &&
+         (late.gyro - gyro_bias).norm() < 5 * config.still_gyro;
+}
+
+void StillnessDetector::add_image(TimeNs stamp_ns, const TrackList& tracks, double window_s) {
+  images_.push_back({stamp_ns, tracks});
+  while (images_.size() > 1 && seconds_between(images_[1].stamp_ns, stamp_ns) >= window_s) {
+    images_.pop_front();
+  }
+}
+
+bool StillnessDetector::visually_still(double window_s, double limit) const {
+  if (images_.size() < 2 || images_.back().tracks.empty()) return false;
+  const Image& first = images_.front();
+  const Image& last = images_.back();
+  if (seconds_between(first.stamp_ns, last.stamp_ns) < window_s) return false;
+  CameraPose before{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()};
+  CameraPose now = before;
+  now.R_world_cam = fitted_rotation(first.tracks, last.tracks);
+  const ViewChange change = compare_views(first.tracks, before, last.tracks, now);
+  // Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
+  const double noise = 1.67 * last.tracks.front().sigma;
+  return change.shared * static_cast<double>(last.tracks.size()) >= kMinShared &&
+         change.parallax < std::hypot(limit, noise);
+}
+
+bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<ImuSample>& interval,
+                          const EstimatorConfig& config) {
+  const MeanReadings readings = mean(interval.begin(), interval.end());
+  const ImuState& imu = state.imu();
+  const Eigen::Vector3d up_imu =
+      imu.pose.q_world_imu.conjugate() * Eigen::Vector3d(0, 0, config.gravity);
+
+  Eigen::Matrix<double, 9, State::kImuSize> H = Eigen::Matrix<double, 9, State::kImuSize>::Zero();
+  Eigen::Matrix<double, 9, 1> r;
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  H.block<3, 3>(0, State::kVelocity) = I / config.still_velocity_sigma;
+  r.head<3>() = -imu.v_world_imu / config.still_velocity_sigma;
+  H.block<3, 3>(3, State::kGyroBias) = I / config.still_gyro_sigma;
+  r.segment<3>(3) = (readings.gyro - imu.gyro_bias) / config.still_gyro_sigma;
+  H.block<3, 3>(6, State::kRotation) = skew(up_imu) / config.still_accel_sigma;
+  H.block<3, 3>(6, State::kAccelBias) = I / config.still_accel_sigma;
+  r.tail<3>() = (readings.accel - imu.accel_bias - up_imu) / config.still_accel_sigma;
+
+  Columns columns;
+  columns.add(0, State::kImuSize);
+  update.begin(state);
+  const double distance = update.add(state, H, r, columns);
+  if (distance > chi_square_quantile(0.999, 9)) return false;
+  return update.apply(state);
+}
+
+}  // namespace covey

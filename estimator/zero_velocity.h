@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Standing still, detected and used (ZUPT). Without it a mono filter on the ground drifts: there is
+// no baseline, and the accelerometer's bias integrates.
+#pragma once
+
+#include <deque>
+#include <vector>
+
+#include "estimator/ekf_update.h"
+#include "estimator/keyframe_policy.h"
+#include "estimator/state.h"
+
+namespace covey {
+
+// True when the inertial readings do not change over the window: mean rate and mean specific force
+// of its halves agree, and the rate is small. Works under vibration, which averages out.
+[[nodiscard]] bool inertially_still(const std::vector<ImuSample>& window,
+                                    const EstimatorConfig& config,
+                                    const Eigen::Vector3d& gyro_bias);
+
+// Remembers recent images and tells whether the tracks stood still over the window.
+class StillnessDetector {
+ public:
+  void add_image(TimeNs stamp_ns, const TrackList& tracks, double window_s);
+  // Needs a whole window of images; median motion of shared tracks below `limit`.
+  [[nodiscard]] bool visually_still(double window_s, double limit) const;
+  void clear() { images_.clear(); }
+
+ private:
+  struct Image {
+    TimeNs stamp_ns;
+    TrackList tracks;
+  };
+  std::deque<Image> images_;
+};
+
+// Pseudo-measurements: velocity is zero, the gyro shows its bias, the accelerometer gravity and
+// bias. False when they contradict the state (chi-square): nothing is changed then.
+[[nodiscard]] bool update_zero_velocity(State& state, EkfUpdate& update,
+                                        const std::vector<ImuSample>& interval,
+                                        const EstimatorConfig& config);
+
+}  // namespace covey
