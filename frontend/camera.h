@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Pinhole camera with radial-tangential (Brown-Conrady) or equidistant (Kannala-Brandt) distortion,
+// four coefficients each, as in EuRoC sensor.yaml and Kalibr. Pixel (0, 0) is the centre of the
+// top-left pixel. `bearing` is (x/z, y/z) in cam.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+
+namespace covey {
+
+enum class DistortionModel { kRadialTangential, kEquidistant };
+
+struct CameraIntrinsics {
+  int width = 0, height = 0;              // pixels
+  double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels
+  DistortionModel model = DistortionModel::kRadialTangential;
+  std::array<double, 4> distortion{0, 0, 0, 0};  // k1 k2 p1 p2, or k1 k2 k3 k4
+};
+
+// Pixel of a bearing, with d(pixel)/d(bearing), 2x2, if asked for.
+[[nodiscard]] Eigen::Vector2d project(const CameraIntrinsics& camera,
+                                      const Eigen::Vector2d& bearing,
+                                      Eigen::Matrix2d* J_pixel_bearing = nullptr);
+
+// Bearing of a pixel by Newton's method; nothing where the distortion cannot be inverted.
+[[nodiscard]] std::optional<Eigen::Vector2d> unproject(const CameraIntrinsics& camera,
+                                                       const Eigen::Vector2d& pixel);
+
+}  // namespace covey

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A drone's side of the exchange, without any network: which images become keyframes, what is
+// asked, what is answered, and which of a peer's landmarks are points that this drone tracks as
+// well.
+//
+//   if (collaborator.wants_keyframe(stamp, T_world_cam, landmarks)) {
+//     tracker.describe(frame);
+//     broadcast(collaborator.add_keyframe(frame, T_world_cam, landmarks));
+//   }
+//   collaborator.update_landmarks(landmarks);                           // every image
+//   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
+//   on keyframe: std::visit(..., collaborator.match(keyframe));         // PeerMatches -> estimator
+//
+// Everything that comes from a peer is checked here again: a peer may be hostile. Not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "estimator/measurements.h"
+#include "frontend/answer_limiter.h"
+#include "frontend/keyframe_database.h"
+#include "frontend/matching.h"
+#include "frontend/place_recognition.h"
+#include "frontend/tracker.h"
+
+namespace covey {
+
+struct CollaboratorConfig {
+  std::string agent = "uav0";  // own name
+
+  // Asking and storing.
+  KeyframeRule keyframe;
+  KeyframeDatabase::Config database;
+
+  // Answering.
+  PlaceMode place_mode = PlaceMode::kCompact;
+  double place_threshold = 0;  // least score that is answered; 0: default_threshold of the mode
+  AnswerLimiter::Config limiter;
+  int min_landmarks = 8;            // with an estimate, or a keyframe is not worth sending
+  int max_landmarks = 200;          // per message, sent and accepted
+  double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
+                                    // neither sent nor accepted
+  // Matching.
+  MatchingConfig matching;
+  VerificationConfig verification;
+  GuidedConfig guided;
+  int min_matches = 8;  // fewer are no matches
+  // Two drones agree on a corner only to about a pixel: added to the landmark's covariance, in all
+  // directions, because on a slanted surface a step aside is a step in depth as well.
+  double matching_sigma_px = 1.0;
+};
+
+enum class NoMatchReason : std::uint8_t {
+  kNotForUs,        // another receiver, or our own message come back
+  kMalformed,       // too many landmarks, not finite, covariance not positive
+  kUnknownRequest,  // the asking keyframe is not (or no longer) stored
+  kTooFewMatches,   // by descriptor, or in the end
+  kTooFewInliers,   // by geometry
+  kOffsetTooLarge,  // the two worlds do not agree
+};
+inline constexpr std::size_t kNoMatchReasons = 6;
+
+struct NoMatch {
+  NoMatchReason reason = NoMatchReason::kMalformed;
+};
+
+[[nodiscard]] const char* to_string(NoMatchReason reason);
+
+// Counts since the start.
+struct CollaboratorReport {
+  int keyframes = 0;  // taken, each advertised once
+
+  int adverts_received = 0;
+  int answered = 0;
+  int advert_own = 0;               // our own advert come back
+  int advert_malformed = 0;         // no sender, or a descriptor of the wrong size
+  int advert_other_vocabulary = 0;  // or another place mode
+  int advert_unknown_place = 0;     // no keyframe scores enough
+  int advert_too_soon = 0;          // rate limit
+
+  int keyframes_received = 0;
+  int matched = 0;                     // messages with matches
+  int landmark_pairs = 0;              // in them
+  int no_match[kNoMatchReasons] = {};  // by NoMatchReason
+};
+
+class Collaborator {
+ public:
+  // `focal_length_px` turns the pixel limits of the configuration into bearings. Throws
+  // std::runtime_error for a configuration that cannot work.
+  Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
+               double focal_length_px);
+
+  // PTAM rule. Call once per image: it also tells the time by which answers are limited.
+  [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam,
+                                    const std::vector<LandmarkEstimate>& landmarks);
+
+  // Features without descriptor are left out.
+  PlaceAdvert add_keyframe(const TrackedFrame& described, const Eigen::Isometry3d& T_world_cam,
+                           const std::vector<LandmarkEstimate>& landmarks);
+
+  void update_landmarks(const std::vector<LandmarkEstimate>& landmarks);
+
+  // The stored keyframe that looks most like the peer's place.
+  [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
+
+  // Pairs of own track and peer landmark, one to one; the landmark's covariance has the matching
+  // noise in it.
+  [[nodiscard]] std::variant<PeerMatches, NoMatch> match(const PeerKeyframe& message);
+
+  [[nodiscard]] const CollaboratorReport& report() const { return report_; }
+  [[nodiscard]] const KeyframeDatabase& database() const { return database_; }
+
+ private:
+  struct RankedKeyframe {
+    const Keyframe* keyframe = nullptr;
+    double score = 0;
+  };
+
+  [[nodiscard]] double depth_of(const Eigen::Isometry3d& T_world_cam,
+                                const std::vector<LandmarkEstimate>& landmarks) const;
+  // The counter of why an advert gets no answer, or null.
+  [[nodiscard]] int* refusal(const PlaceAdvert& advert);
+  [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
+  [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(const PlaceAdvert& advert) const;
+  [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
+                                      const std::vector<PeerLandmark>& landmarks) const;
+  [[nodiscard]] std::vector<PeerLandmark> sendable_landmarks(const Keyframe& keyframe) const;
+  [[nodiscard]] std::variant<PeerMatches, NoMatch> find_matches(const PeerKeyframe& message) const;
+  [[nodiscard]] VerificationResult find_offset(const Keyframe& own,
+                                               const std::vector<PeerLandmark>& peer) const;
+
+  CollaboratorConfig config_;
+  Vocabulary vocabulary_;
+  std::uint64_t vocabulary_hash_;
+  double place_threshold_;
+  double focal_length_px_;
+  TimeNs now_ns_ = 0;  // stamp of the newest own image
+  std::uint64_t next_keyframe_id_ = 1;
+  KeyframeDatabase database_;
+  AnswerLimiter limiter_;
+  CollaboratorReport report_;
+};
+
+}  // namespace covey

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A place as the short forms of its corners: where two drones pick different corners of one scene,
+// what they have in common is found corner by corner, and drowns in any sum over the whole image.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "estimator/measurements.h"
+
+namespace covey {
+
+// 1200 bytes: the advert fits into one packet.
+inline constexpr std::size_t kCompactCorners = 150;
+// Of each descriptor: ORB's tests are sorted, those that tell most come first (Rublee et al. 2011).
+inline constexpr std::size_t kCompactBytes = 8;
+
+// The first kCompactCorners descriptors, shortened, one after the other.
+[[nodiscard]] std::vector<std::uint8_t> describe_compact(
+    const std::vector<BinaryDescriptor>& features);
+
+// Share of corners, of the place that has more of them, that are each other's distinct best match.
+// Sizes must be multiples of kCompactBytes, at most kCompactCorners of them.
+[[nodiscard]] double common_share(const std::vector<std::uint8_t>& a,
+                                  const std::vector<std::uint8_t>& b);
+
+}  // namespace covey

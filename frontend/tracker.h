@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// FAST corners in a grid; each is followed by aligning the patch cut out at its birth, from a place
+// predicted by the gyro; outliers rejected by geometry; an ORB descriptor for each track when
+// asked.
+//
+// Single-threaded by design: call cv::setNumThreads(1) once in the program, OpenCV's own threads
+// cost more than they bring at this image size.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "estimator/measurements.h"
+#include "frontend/camera.h"
+#include "frontend/corner_grid.h"
+#include "frontend/outlier_rejection.h"
+#include "frontend/patch_alignment.h"
+
+namespace covey {
+
+struct TrackerConfig {
+  int max_tracks = 200;
+  double pixel_sigma = 0.35;  // standard deviation of a tracked corner, px
+
+  int pyramid_levels = 4;          // the image itself and its halves
+  int predicted_levels = 2;        // of them, tried first for a track whose motion is known
+  double min_correlation = 0.75;   // of a patch and the image where it was found, -1..1
+  double max_scale = 1.5;          // a patch that grew or shrank more is cut anew, ratio of lengths
+  double duplicate_distance = 10;  // of two tracks nearer than this the younger ends, px
+  double refill_below = 0.95;  // new corners are looked for with fewer tracks, part of max_tracks
+  AlignmentConfig alignment;
+  CornerConfig corners;
+  OutlierConfig outliers;
+};
+
+struct TrackedFeature {
+  std::uint64_t track_id = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
+  double sigma = 0;  // of the bearing: pixel_sigma through the camera model
+  int length = 1;    // images it has been seen in
+  BinaryDescriptor descriptor{};
+  bool described = false;
+};
+
+struct TrackedFrame {
+  TimeNs stamp_ns = 0;
+  std::vector<TrackedFeature> features;  // oldest track first
+  // Tracks, this image: not found again; against the geometry of the others, or duplicates; new.
+  int lost = 0, rejected = 0, added = 0;
+};
+
+[[nodiscard]] CameraMeasurement to_measurement(const TrackedFrame& frame);
+
+class Tracker {
+ public:
+  Tracker(const TrackerConfig& config, const CameraIntrinsics& camera);
+  ~Tracker();
+  Tracker(Tracker&&) noexcept;
+  Tracker& operator=(Tracker&&) noexcept;
+
+  // `pixels`: CV_8UC1, the camera's size; copied, its buffer may be reused. `R_cam_previous`:
+  // rotation from the previous image's camera to this one's, from the gyro (identity when unknown).
+  // Throws std::runtime_error for an image of another type or size.
+  TrackedFrame track(TimeNs stamp_ns, const cv::Mat& pixels, const Eigen::Matrix3d& R_cam_previous);
+
+  // ORB descriptors of the current image at the tracks' current places. With the camera's attitude
+  // they are oriented by the world: that is what two drones can compare best.
+  void describe(TrackedFrame& frame,
+                const std::optional<Eigen::Matrix3d>& R_world_cam = std::nullopt) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace covey
