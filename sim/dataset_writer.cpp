@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/dataset_writer.h"
+
+#include <unistd.h>
+
+#include <iomanip>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::ofstream create(const fs::path& file) {
+  std::error_code error;
+  fs::create_directories(file.parent_path(), error);
+  std::ofstream stream(file);
+  if (!stream) throw std::runtime_error(file.string() + ": cannot be created");
+  return stream;
+}
+
+void finish(std::ofstream& stream, const fs::path& file) {
+  stream.close();
+  if (!stream) throw std::runtime_error(file.string() + ": cannot be written: is the disk full?");
+}
+
+void write_transform(std::ostream& out, const Eigen::Isometry3d& T_body_sensor) {
+  out << "T_BS:\n  cols: 4\n  rows: 4\n  data: [";
+  const Eigen::Matrix4d& m = T_body_sensor.matrix();
+  for (int row = 0; row < 4; ++row) {
+    if (row > 0) out << ",\n         ";
+    for (int col = 0; col < 4; ++col) out << (col > 0 ? ", " : "") << m(row, col);
+  }
+  out << "]\n\n";
+}
+
+void write_vector(std::ostream& out, const Eigen::Vector3d& v) {
+  out << ',' << v.x() << ',' << v.y() << ',' << v.z();
+}
+
+}  // namespace
+
+StagedFolder::StagedFolder(fs::path target, bool replace) : target_(std::move(target)) {
+  if (!target_.has_filename()) target_ = target_.parent_path();
+  if (fs::exists(target_) && !replace)
+    throw std::runtime_error(target_.string() +
+                             ": exists already; choose another --out or --force");
+  staging_ = target_;
+  staging_ += ".partial-" + std::to_string(::getpid());
+  std::error_code error;
+  fs::remove_all(staging_, error);
+  fs::create_directories(staging_, error);
+  if (error)
+    throw std::runtime_error(staging_.string() + ": cannot be created: " + error.message());
+}
+
+StagedFolder::~StagedFolder() {
+  std::error_code ignored;
+  if (!staging_.empty()) fs::remove_all(staging_, ignored);
+}
+
+void StagedFolder::commit() {
+  std::error_code error;
+  fs::remove_all(target_, error);
+  if (!error) fs::rename(staging_, target_, error);
+  if (error) throw std::runtime_error(target_.string() + ": cannot be written: " + error.message());
+  staging_.clear();
+}
+
+void write_camera_file(const fs::path& file, const CameraDescription& camera) {
+  std::ofstream out = create(file);
+  out << std::setprecision(15);
+  const CameraIntrinsics& c = camera.intrinsics;
+  Eigen::Isometry3d T_imu_cam = Eigen::Isometry3d::Identity();
+  T_imu_cam.linear() = camera.extrinsics.q_imu_cam.toRotationMatrix();
+  T_imu_cam.translation() = camera.extrinsics.p_imu_cam;
+  const bool radial = c.model == DistortionModel::kRadialTangential;
+  out << "# General sensor definitions.\nsensor_type: camera\ncomment: " << camera.comment
+      << "\n\n# Sensor extrinsics wrt. the body-frame.\n";
+  write_transform(out, T_imu_cam);
+  out << "# Camera specific definitions.\nrate_hz: " << camera.rate_hz << "\nresolution: ["
+      << c.width << ", " << c.height << "]\ncamera_model: pinhole\nintrinsics: [" << c.fx << ", "
+      << c.fy << ", " << c.cx << ", " << c.cy
+      << "] #fu, fv, cu, cv\ndistortion_model: " << (radial ? "radial-tangential" : "equidistant")
+      << "\ndistortion_coefficients: [" << c.distortion[0] << ", " << c.distortion[1] << ", "
+      << c.distortion[2] << ", " << c.distortion[3] << "]\n";
+  finish(out, file);
+}
+
+void write_imu_file(const fs::path& file, const ImuNoise& noise, double rate_hz,
+                    const std::string& comment) {
+  std::ofstream out = create(file);
+  out << std::setprecision(15)
+      << "# IMU sensor definitions.\nsensor_type: imu\ncomment: " << comment
+      << "\n\n# Sensor extrinsics wrt. the body-frame.\n";
+  write_transform(out, Eigen::Isometry3d::Identity());
+  out << "rate_hz: " << rate_hz << "\n\n# Inertial sensor noise model parameters (static).\n"
+      << "gyroscope_noise_density: " << noise.gyro_density << "     # [ rad / s / sqrt(Hz) ]\n"
+      << "gyroscope_random_walk: " << noise.gyro_random_walk
+      << "       # [ rad / s^2 / sqrt(Hz) ]\n"
+      << "accelerometer_noise_density: " << noise.accel_density << "  # [ m / s^2 / sqrt(Hz) ]\n"
+      << "accelerometer_random_walk: " << noise.accel_random_walk
+      << "    # [ m / s^3 / sqrt(Hz) ]\n";
+  finish(out, file);
+}
+
+void write_imu_csv(const fs::path& file, const std::vector<ImuSample>& samples) {
+  std::ofstream out = create(file);
+  // Every digit of a double: a recorded IMU is passed on as it came.
+  out << std::setprecision(17)
+      << "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+         "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n";
+  for (const ImuSample& sample : samples) {
+    out << sample.stamp_ns;
+    write_vector(out, sample.gyro_imu);
+    write_vector(out, sample.accel_imu);
+    out << '\n';
+  }
+  finish(out, file);
+}
+
+void write_ground_truth_csv(const fs::path& file, const std::vector<TrueState>& states) {
+  std::ofstream out = create(file);
+  out << std::setprecision(12)
+      << "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+         "q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad "
+         "s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m "
+         "s^-2], b_a_RS_S_z [m s^-2]\n";
+  for (const TrueState& state : states) {
+    const Eigen::Quaterniond& q = state.pose.q_world_imu;
+    out << state.stamp_ns;
+    write_vector(out, state.pose.p_world_imu);
+    out << ',' << q.w() << ',' << q.x() << ',' << q.y() << ',' << q.z();
+    write_vector(out, state.v_world_imu);
+    write_vector(out, state.gyro_bias);
+    write_vector(out, state.accel_bias);
+    out << '\n';
+  }
+  finish(out, file);
+}
+
+ImageList::ImageList(const fs::path& camera_folder)
+    : folder_(camera_folder), csv_(create(camera_folder / "data.csv")) {
+  std::error_code error;
+  fs::create_directories(folder_ / "data", error);
+  if (error) throw std::runtime_error((folder_ / "data").string() + ": " + error.message());
+  csv_ << "#timestamp [ns],filename\n";
+}
+
+fs::path ImageList::add(TimeNs stamp_ns) {
+  const std::string name = std::to_string(stamp_ns) + ".png";
+  csv_ << stamp_ns << ',' << name << '\n';
+  return folder_ / "data" / name;
+}
+
+void ImageList::close() { finish(csv_, folder_ / "data.csv"); }
+
+}  // namespace covey

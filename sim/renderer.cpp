@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sim/renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+
+namespace covey {
+namespace {
+
+using Eigen::Vector2f;
+using Eigen::Vector3f;
+
+constexpr int kTileSide = 16;          // pixels
+constexpr float kNearPlane = 0.02f;    // m
+constexpr float kWidestCosine = 0.3f;  // of the angle from the optical axis to any pixel
+
+struct Rect {
+  Vector2f low = Vector2f::Constant(1e9f), high = Vector2f::Constant(-1e9f);
+  float near_depth = 1e9f;
+
+  void add(const Vector3f& p_cam) {
+    const Vector2f bearing = p_cam.head<2>() / p_cam.z();
+    low = low.cwiseMin(bearing);
+    high = high.cwiseMax(bearing);
+    near_depth = std::min(near_depth, p_cam.z());
+  }
+};
+
+bool unbounded(Shape shape) {
+  return shape == Shape::kGround || shape == Shape::kRoom || shape == Shape::kSkyline;
+}
+
+// Distance from the camera to a surface without a bounding box.
+float clearance(const Primitive& p, const Vector3f& p_world_cam) {
+  const Vector3f offset = p_world_cam - p.center;
+  if (p.shape == Shape::kGround) return std::max(0.0f, offset.z());
+  if (p.shape == Shape::kSkyline) return std::max(0.0f, p.half.x() - offset.head<2>().norm());
+  return 0.0f;
+}
+
+std::array<Vector3f, 8> corners_in_cam(const Primitive& p, const Eigen::Isometry3f& T_cam_world) {
+  const float c = std::cos(p.yaw), s = std::sin(p.yaw);
+  Vector3f half = p.half;
+  if (p.shape == Shape::kFrustum) half.x() = half.y() = std::max(p.half.x(), p.half.y());
+  std::array<Vector3f, 8> corners;
+  for (int i = 0; i < 8; ++i) {
+    const Vector3f local((i & 1) ? half.x() : -half.x(), (i & 2) ? half.y() : -half.y(),
+                         (i & 4) ? half.z() : -half.z());
+    const Vector3f turned(c * local.x() - s * local.y(), s * local.x() + c * local.y(), local.z());
+    corners[i] = T_cam_world * (p.center + turned);
+  }
+  return corners;
+}
+
+// Bearings covered by the bounding box, its edges cut at the near plane.
+Rect bounds_in_cam(const std::array<Vector3f, 8>& corners) {
+  Rect rect;
+  for (int i = 0; i < 8; ++i)
+    for (int bit = 1; bit < 8; bit <<= 1) {
+      if (i & bit) continue;
+      const Vector3f &a = corners[i], &b = corners[i | bit];
+      if (a.z() >= kNearPlane) rect.add(a);
+      if (b.z() >= kNearPlane) rect.add(b);
+      if ((a.z() < kNearPlane) != (b.z() < kNearPlane)) {
+        const float blend = (kNearPlane - a.z()) / (b.z() - a.z());
+        Vector3f cut = a + blend * (b - a);
+        cut.z() = kNearPlane;
+        rect.add(cut);
+      }
+    }
+  return rect;
+}
+
+// For every tile the primitives that may be seen in it, nearest first.
+std::vector<std::vector<Candidate>> candidates_per_tile(const Scene& scene,
+                                                        const Eigen::Isometry3f& T_cam_world,
+                                                        const std::vector<Renderer::Tile>& tiles) {
+  std::vector<std::vector<Candidate>> lists(tiles.size());
+  const Vector3f p_world_cam = T_cam_world.inverse().translation();
+  for (std::size_t i = 0; i < scene.primitives.size(); ++i) {
+    const int index = static_cast<int>(i);
+    if (unbounded(scene.primitives[i].shape)) {
+      const float near_depth = kWidestCosine * clearance(scene.primitives[i], p_world_cam);
+      for (auto& list : lists) list.push_back({near_depth, index});
+      continue;
+    }
+    const Rect rect = bounds_in_cam(corners_in_cam(scene.primitives[i], T_cam_world));
+    if (rect.near_depth > 1e8f) continue;  // behind the camera
+    for (std::size_t t = 0; t < tiles.size(); ++t)
+      if ((rect.low.array() <= tiles[t].high.array()).all() &&
+          (rect.high.array() >= tiles[t].low.array()).all())
+        lists[t].push_back({rect.near_depth, index});
+  }
+  for (auto& list : lists)
+    std::sort(list.begin(), list.end(), [](const Candidate& a, const Candidate& b) {
+      return a.near_depth != b.near_depth ? a.near_depth < b.near_depth : a.primitive < b.primitive;
+    });
+  return lists;
+}
+
+// A pixel where another surface is seen next door needs more than one ray.
+bool on_edge(const cv::Mat& surfaces, int x, int y) {
+  const int* row = surfaces.ptr<int>(y);
+  const int here = row[x];
+  if (x > 0 && row[x - 1] != here) return true;
+  if (x + 1 < surfaces.cols && row[x + 1] != here) return true;
+  if (y > 0 && surfaces.ptr<int>(y - 1)[x] != here) return true;
+  return y + 1 < surfaces.rows && surfaces.ptr<int>(y + 1)[x] != here;
+}
+
+float bilinear(const cv::Mat& image, float x, float y) {
+  x = std::clamp(x, 0.0f, static_cast<float>(image.cols) - 1.001f);
+  y = std::clamp(y, 0.0f, static_cast<float>(image.rows) - 1.001f);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
+  const float* a = image.ptr<float>(y0) + x0;
+  const float* b = image.ptr<float>(y0 + 1) + x0;
+  const float top = a[0] + fx * (a[1] - a[0]), bottom = b[0] + fx * (b[1] - b[0]);
+  return top + fy * (bottom - top);
+}
+
+constexpr std::size_t kMaxInstants = 16;
+using Instants = std::array<std::array<float, kMaxInstants>, kMaxInstants>;
+
+// Row n - 1: n instants of equal weight, in units of the response's duration, with mean zero.
+Instants response_instants(TemporalResponse::Shape shape) {
+  Instants table{};
+  for (std::size_t n = 1; n <= kMaxInstants; ++n) {
+    auto& row = table[n - 1];
+    float mean = 0;
+    for (std::size_t k = 0; k < n; ++k) {
+      const float share = (static_cast<float>(k) + 0.5f) / static_cast<float>(n);
+      row[k] = shape == TemporalResponse::Shape::kShutter ? share : std::log(share);
+      mean += row[k] / static_cast<float>(n);
+    }
+    for (std::size_t k = 0; k < n; ++k) row[k] -= mean;
+  }
+  return table;
+}
+
+}  // namespace
+
+Renderer::Renderer(const CameraIntrinsics& camera) : camera_(camera) {
+  bearings_.reserve(static_cast<std::size_t>(stride()) * (camera.height + 1));
+  for (int y = 0; y <= camera.height; ++y)
+    for (int x = 0; x <= camera.width; ++x) {
+      const auto bearing = unproject(camera, Eigen::Vector2d(x, y));
+      if (!bearing)
+        throw std::runtime_error("renderer: the distortion cannot be inverted at pixel " +
+                                 std::to_string(x) + ", " + std::to_string(y));
+      bearings_.push_back(bearing->cast<float>());
+    }
+  for (int y = 0; y < camera.height; y += kTileSide)
+    for (int x = 0; x < camera.width; x += kTileSide) tiles_.push_back(tile_at(x, y));
+}
+
+Renderer::Tile Renderer::tile_at(int x0, int y0) const {
+  Tile tile;
+  tile.x0 = x0;
+  tile.y0 = y0;
+  tile.x1 = std::min(x0 + kTileSide, camera_.width);
+  tile.y1 = std::min(y0 + kTileSide, camera_.height);
+  for (int y = y0; y <= tile.y1; ++y)
+    for (int x = x0; x <= tile.x1; ++x) {
+      tile.low = tile.low.cwiseMin(*bearing(x, y));
+      tile.high = tile.high.cwiseMax(*bearing(x, y));
+    }
+  // The pixel's width of view from its solid angle; and room for the samples of border pixels.
+  const Vector2f* b = bearing((x0 + tile.x1) / 2, (y0 + tile.y1) / 2);
+  const Vector2f right = b[1] - b[0], down = b[stride()] - b[0];
+  const float area = std::abs(right.x() * down.y() - right.y() * down.x());
+  tile.pixel_angle = std::sqrt(area / std::pow(b->homogeneous().squaredNorm(), 1.5f));
+  const float margin = std::max(right.norm(), down.norm());
+  tile.low.array() -= margin;
+  tile.high.array() += margin;
+  return tile;
+}
+
+struct Renderer::View {
+  const RayCaster& caster;
+  Eigen::Matrix3f R_world_cam;
+};
+
+void Renderer::cast_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+                         Hits& hits) const {
+  for (int y = tile.y0; y < tile.y1; ++y)
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      const Hit hit = view.caster.cast(view.R_world_cam * bearing(x, y)->homogeneous(), list.data(),
+                                       list.data() + list.size());
+      hits.depth.at<float>(y, x) = hit.depth;
+      hits.surface.at<int>(y, x) = hit.surface;
+    }
+}
+
+// The mean of four samples. Rotated grid: no two share a row or a column, so that straight edges
+// get four levels.
+float Renderer::shade_edge(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+                           const Vector2f* b) const {
+  const std::array<Vector2f, 4> grid{Vector2f(-0.125f, -0.375f), Vector2f(0.375f, -0.125f),
+                                     Vector2f(0.125f, 0.375f), Vector2f(-0.375f, 0.125f)};
+  const Vector2f right = b[1] - b[0], down = b[stride()] - b[0];
+  float sum = 0;
+  for (const Vector2f& offset : grid) {
+    const Vector2f sample = b[0] + offset.x() * right + offset.y() * down;
+    const Vector3f direction = view.R_world_cam * sample.homogeneous();
+    const Hit hit = view.caster.cast(direction, list.data(), list.data() + list.size());
+    sum += view.caster.shade(direction, hit, tile.pixel_angle);
+  }
+  return sum / static_cast<float>(grid.size());
+}
+
+void Renderer::shade_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+                          const Hits& hits, cv::Mat& radiance) const {
+  for (int y = tile.y0; y < tile.y1; ++y)
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      const Vector2f* b = bearing(x, y);
+      const Hit hit{hits.depth.at<float>(y, x), hits.surface.at<int>(y, x)};
+      radiance.at<float>(y, x) =
+          on_edge(hits.surface, x, y)
+              ? shade_edge(view, tile, list, b)
+              : view.caster.shade(view.R_world_cam * b->homogeneous(), hit, tile.pixel_angle);
+    }
+}
+
+Rendering Renderer::render(const Scene& scene, const Eigen::Isometry3d& T_world_cam) const {
+  const RayCaster caster(scene, T_world_cam.translation().cast<float>());
+  const View view{caster, T_world_cam.linear().cast<float>()};
+  const auto lists = candidates_per_tile(scene, T_world_cam.inverse().cast<float>(), tiles_);
+  const cv::Size size(camera_.width, camera_.height);
+  Hits hits{cv::Mat(size, CV_32FC1), cv::Mat(size, CV_32SC1)};
+  for (std::size_t t = 0; t < tiles_.size(); ++t) cast_tile(view, tiles_[t], lists[t], hits);
+  cv::Mat radiance(size, CV_32FC1);
+  for (std::size_t t = 0; t < tiles_.size(); ++t)
+    shade_tile(view, tiles_[t], lists[t], hits, radiance);
+  return {radiance, hits.depth};
+}
+
+Vector2f Renderer::image_motion(const Vector2f* b, float depth, const CameraMotion& motion) const {
+  // A resting point in cam moves with -v - w x X; divided by its depth.
+  const Vector3f rate = -motion.velocity_cam / depth - motion.rate_cam.cross(b->homogeneous());
+  const Vector2f flow = rate.head<2>() - *b * rate.z();
+  // Bearings to pixels by the local shape of the distorted image.
+  const Vector2f right = b[1] - b[0], down = b[stride()] - b[0];
+  const float inverse_area = 1.0f / (right.x() * down.y() - right.y() * down.x());
+  return inverse_area * Vector2f(flow.x() * down.y() - flow.y() * down.x(),
+                                 flow.y() * right.x() - flow.x() * right.y());
+}
+
+cv::Mat Renderer::blur_by_motion(const Rendering& sharp, const CameraMotion& motion,
+                                 const TemporalResponse& response) const {
+  constexpr float kVisible = 0.35f;  // px; shorter paths blur less than the lens does
+  const auto instants = response_instants(response.shape);
+  const float duration = static_cast<float>(response.duration_s);
+  cv::Mat blurred(sharp.radiance.size(), CV_32FC1);
+  for (int y = 0; y < camera_.height; ++y)
+    for (int x = 0; x < camera_.width; ++x) {
+      const Vector2f path =
+          duration * image_motion(bearing(x, y), sharp.depth.at<float>(y, x), motion);
+      const float length = path.norm();
+      float& out = blurred.at<float>(y, x);
+      if (length < kVisible) {
+        out = sharp.radiance.at<float>(y, x);
+        continue;
+      }
+      const std::size_t taps = std::min<std::size_t>(kMaxInstants, 2 + static_cast<int>(length));
+      float sum = 0;
+      // At an instant before the stamp the pixel saw what has moved on along its path since.
+      for (std::size_t k = 0; k < taps; ++k)
+        sum += bilinear(sharp.radiance, static_cast<float>(x) - instants[taps - 1][k] * path.x(),
+                        static_cast<float>(y) - instants[taps - 1][k] * path.y());
+      out = sum / static_cast<float>(taps);
+    }
+  return blurred;
+}
+
+}  // namespace covey
