@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/agent.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+#include <type_traits>
+#include <utility>
+
+#include "apps/grey_image.h"
+#include "apps/stop_signal.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kStatusInterval_s = 1;
+
+Dataset read_recording(const AgentSettings& agent) {
+  if (agent.dataset.empty()) throw std::runtime_error("agent.dataset says no folder");
+  Dataset dataset = read_dataset(agent.dataset);
+  if (dataset.images.empty()) throw std::runtime_error(agent.dataset + ": no images");
+  if (agent.duration_s > 0) {
+    const TimeNs end_ns = dataset.images.front().stamp_ns + nanoseconds(agent.duration_s);
+    auto& images = dataset.images;
+    while (images.size() > 1 && images.back().stamp_ns > end_ns) images.pop_back();
+  }
+  return dataset;
+}
+
+fs::path make_folder(const AgentSettings& agent) {
+  if (agent.out.empty()) throw std::runtime_error("agent.out says no folder");
+  std::error_code error;
+  fs::create_directories(agent.out, error);
+  if (error) throw std::runtime_error(agent.out + ": cannot be made: " + error.message());
+  return agent.out;
+}
+
+std::optional<PeerLink> open_link(const AgentConfig& config) {
+  if (config.agent.mode == FlightMode::kSolo) return std::nullopt;
+  LinkConfig link = config.link;
+  link.agent = config.agent.name;
+  return PeerLink(link);
+}
+
+// When it was sent, as far as the message tells: handling must not depend on who was quicker.
+std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
+  return std::visit(
+      [](const auto& message) {
+        using Message = std::decay_t<decltype(message)>;
+        if constexpr (std::is_same_v<Message, AgentStatus>) {
+          return std::pair(message.stamp_ns, message.agent);
+        } else {
+          return std::pair(message.stamp_ns, message.sender);
+        }
+      },
+      inbound);
+}
+
+std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t>(count); }
+
+}  // namespace
+
+Agent::Agent(const AgentConfig& config)
+    : config_(config),
+      dataset_(read_recording(config.agent)),
+      pipeline_(config, {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
+                std::exchange(dataset_.ground_truth, std::nullopt)),
+      link_(open_link(config)),
+      folder_(make_folder(config.agent)),
+      odometry_file_(folder_),
+      timing_file_(folder_),
+      link_file_(folder_) {}
+
+cv::Mat Agent::read(const ImageEntry& image) const {
+  return to_grey8(read_image(image, dataset_.camera.width, dataset_.camera.height));
+}
+
+void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
+  const double start_ms = thread_cpu_ms();
+  feed_imu(stamp_ns);
+  ImageResult result = pipeline_.add_image(stamp_ns, pixels);
+  ++frames_;
+  last_ns_ = stamp_ns;
+  track_sightings_ += result.timing.tracks;
+  tracks_begun_ += result.tracks_begun;
+  count(result.update);
+  publish(result);
+  write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
+  cpu_load_.sample(steady_ms(), process_cpu_s());
+}
+
+void Agent::count(const UpdateReport& update) {
+  filter_.msckf_used += update.msckf_used;
+  filter_.msckf_gated += update.msckf_gated;
+  filter_.slam_used += update.slam_used;
+  filter_.slam_gated += update.slam_gated;
+  filter_.slam_initialized += update.slam_initialized;
+  filter_.imu_gaps += update.imu_gaps;
+  filter_.imu_rejected += update.imu_rejected;
+  filter_.out_of_order += update.out_of_order;
+  filter_.failed_updates += update.failed_updates;
+  zero_velocity_images_ += update.zero_velocity ? 1 : 0;
+  if (!update.reinitialized) return;
+  ++reinitialized_;
+  spdlog::warn("lost at image {} ns; starting anew", last_ns_);
+}
+
+// Up to one sample past the image's moment.
+void Agent::feed_imu(TimeNs image_stamp_ns) {
+  const TimeNs moment_ns = pipeline_.imu_moment(image_stamp_ns);
+  bool covered = next_imu_ > 0 && dataset_.imu[next_imu_ - 1].stamp_ns > moment_ns;
+  while (!covered && next_imu_ < dataset_.imu.size()) {
+    const ImuSample& sample = dataset_.imu[next_imu_++];
+    pipeline_.add_imu(sample);
+    covered = sample.stamp_ns > moment_ns;
+  }
+}
+
+void Agent::publish(const ImageResult& result) {
+  if (!link_) return;
+  if (result.advert) link_->send(*result.advert);
+  if (result.odometry) link_->publish(*result.odometry);
+  const TimeNs stamp_ns = result.timing.stamp_ns;
+  if (last_status_ns_ == 0 || seconds_between(last_status_ns_, stamp_ns) >= kStatusInterval_s) {
+    link_->publish(pipeline_.status());
+    last_status_ns_ = stamp_ns;
+  }
+}
+
+void Agent::write(ImageResult& result, double read_ms, double total_ms) {
+  if (result.odometry) odometry_file_.write(*result.odometry);
+  result.timing.read_ms = read_ms;
+  result.timing.total_ms = total_ms;
+  timing_file_.write(result.timing);
+  if (link_) link_file_.write(link_record(result.timing.stamp_ns));
+}
+
+bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds patience) {
+  return !link_ || peers.empty() || wait_for_peers(peers, patience);
+}
+
+bool Agent::meet(std::size_t peers, std::chrono::milliseconds patience) {
+  return !link_ || peers == 0 || wait_for_peers(peers, patience);
+}
+
+template <typename Peers>
+bool Agent::wait_for_peers(const Peers& peers, std::chrono::milliseconds patience) {
+  constexpr std::chrono::milliseconds kStopPoll{200};
+  const auto deadline = std::chrono::steady_clock::now() + patience;
+  while (!link_->wait_for_peers(peers, kStopPoll)) {
+    if (stop_requested() || std::chrono::steady_clock::now() > deadline) return false;
+  }
+  return true;
+}
+
+ArrivalCounts Agent::wait_for_arrivals(const ArrivalCounts& expected,
+                                       std::chrono::milliseconds patience) {
+  if (!link_) return {};
+  if (link_->wait_for_inbox(expected, patience)) return expected;
+  return link_->arrived();
+}
+
+void Agent::take_inbox() {
+  if (!link_) return;
+  for (Inbound& inbound : link_->take()) taken_.push_back(std::move(inbound));
+}
+
+void Agent::handle_messages() {
+  std::vector<Inbound> messages = std::exchange(taken_, {});
+  std::stable_sort(messages.begin(), messages.end(),
+                   [](const Inbound& a, const Inbound& b) { return order_of(a) < order_of(b); });
+  for (const Inbound& inbound : messages) {
+    std::visit([this](const auto& message) { handle(message); }, inbound);
+  }
+}
+
+void Agent::handle(const PlaceAdvert& advert) {
+  if (const auto answer = pipeline_.answer(advert)) link_->send(*answer);
+}
+
+void Agent::handle(const PeerKeyframe& keyframe) {
+  switch (pipeline_.fuse(keyframe)) {
+    case PeerOutcome::kFused:
+      ++peer_counts_.fused;
+      break;
+    case PeerOutcome::kGated:
+      ++peer_counts_.gated;
+      break;
+    case PeerOutcome::kRejected:
+      ++peer_counts_.rejected;
+      break;
+  }
+}
+
+AdvancedReply Agent::progress() const {
+  AdvancedReply reply;
+  reply.reached_ns = last_ns_;
+  if (link_) {
+    const LinkStatistics statistics = link_->statistics();
+    reply.requests_sent = statistics.request.sent;
+    reply.messages_sent_to = statistics.messages_sent_to;
+  }
+  return reply;
+}
+
+// Those the link's checks refused and those that matched nothing here.
+std::int64_t Agent::rejected_messages(const LinkStatistics& statistics) const {
+  std::int64_t rejected = peer_counts_.rejected;
+  for (const auto& [peer, reasons] : statistics.rejected) {
+    for (const auto& [reason, count] : reasons) rejected += signed_count(count);
+  }
+  return rejected;
+}
+
+LinkRecord Agent::link_record(TimeNs stamp_ns) const {
+  const LinkStatistics statistics = link_->statistics();
+  LinkRecord record;
+  record.stamp_ns = stamp_ns;
+  record.requests_sent = signed_count(statistics.request.sent);
+  record.requests_received = signed_count(statistics.request.received);
+  record.messages_sent = signed_count(statistics.message.sent);
+  record.messages_received = signed_count(statistics.message.received);
+  record.fused = peer_counts_.fused;
+  record.gated = peer_counts_.gated;
+  record.rejected = rejected_messages(statistics);
+  record.payload_bytes_sent =
+      signed_count(statistics.request.payload_bytes_sent + statistics.message.payload_bytes_sent);
+  return record;
+}
+
+LinkSummary Agent::link_summary() const {
+  const LinkStatistics statistics = link_->statistics();
+  LinkSummary link;
+  link.request.sent = signed_count(statistics.request.sent);
+  link.request.received = signed_count(statistics.request.received);
+  link.request.payload_bytes_sent = signed_count(statistics.request.payload_bytes_sent);
+  link.message.sent = signed_count(statistics.message.sent);
+  link.message.received = signed_count(statistics.message.received);
+  link.message.payload_bytes_sent = signed_count(statistics.message.payload_bytes_sent);
+  link.message.fused = peer_counts_.fused;
+  link.message.gated = peer_counts_.gated;
+  link.message.rejected = rejected_messages(statistics);
+  link.wire_bytes_sent = signed_count(statistics.wire_bytes_sent);
+  link.wire_bytes_received = signed_count(statistics.wire_bytes_received);
+  return link;
+}
+
+AgentSummary Agent::summary() const {
+  AgentSummary summary;
+  summary.frames = frames_;
+  summary.frames_dropped = dropped_;
+  if (pipeline_.start_ns()) {
+    summary.initialised_after_s =
+        seconds_between(dataset_.images.front().stamp_ns, *pipeline_.start_ns());
+  }
+  summary.max_rss_mib = peak_rss_mib();
+  summary.max_cpu_percent = cpu_load_.max_percent();
+  if (frames_ > 0) {
+    const auto frames = static_cast<double>(frames_);
+    summary.cpu_ms_per_frame = 1e3 * process_cpu_s() / frames;
+    summary.mean_tracks_per_frame = static_cast<double>(track_sightings_) / frames;
+  }
+  if (tracks_begun_ > 0) {
+    summary.mean_track_length =
+        static_cast<double>(track_sightings_) / static_cast<double>(tracks_begun_);
+  }
+  if (link_) summary.link = link_summary();
+  return summary;
+}
+
+// Why peers' requests and messages came to nothing: for those who tune the exchange.
+nlohmann::json Agent::exchange_details() const {
+  nlohmann::json details;
+  const LinkStatistics statistics = link_->statistics();
+  details["rejected_by_link"] = statistics.rejected;
+  details["refused_by_link"] = statistics.refused;
+  details["inbox_dropped"] = statistics.inbox_dropped;
+  details["landmarks"] = {{"fused", pipeline_.peer_landmarks().used},
+                          {"gated", pipeline_.peer_landmarks().gated},
+                          {"unknown_track", pipeline_.peer_landmarks().unknown_track},
+                          {"invalid", pipeline_.peer_landmarks().invalid}};
+  const CollaboratorReport report = pipeline_.collaboration().value_or(CollaboratorReport());
+  details["requests"] = {{"received", report.adverts_received},
+                         {"answered", report.answered},
+                         {"malformed", report.advert_malformed},
+                         {"other_vocabulary", report.advert_other_vocabulary},
+                         {"unknown_place", report.advert_unknown_place},
+                         {"too_soon", report.advert_too_soon}};
+  details["messages"] = {{"received", report.keyframes_received},
+                         {"matched", report.matched},
+                         {"landmark_pairs", report.landmark_pairs}};
+  for (std::size_t i = 0; i < kNoMatchReasons; ++i) {
+    details["messages"]["no_match"][to_string(static_cast<NoMatchReason>(i))] = report.no_match[i];
+  }
+  return details;
+}
+
+void Agent::finish() {
+  odometry_file_.close();
+  timing_file_.close();
+  link_file_.close();
+  nlohmann::json json = to_json(summary());
+  if (link_) json["exchange_details"] = exchange_details();
+  json["filter"] = {{"msckf_used", filter_.msckf_used},
+                    {"msckf_gated", filter_.msckf_gated},
+                    {"slam_used", filter_.slam_used},
+                    {"slam_gated", filter_.slam_gated},
+                    {"slam_initialized", filter_.slam_initialized},
+                    {"zero_velocity_images", zero_velocity_images_},
+                    {"imu_gaps", filter_.imu_gaps},
+                    {"imu_rejected", filter_.imu_rejected},
+                    {"out_of_order", filter_.out_of_order},
+                    {"failed_updates", filter_.failed_updates},
+                    {"reinitialized", reinitialized_}};
+  write_json_file(folder_ / kAgentSummaryFile, json);
+}
+
+}  // namespace covey

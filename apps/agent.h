@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One drone, one process: a recording in, odometry and messages out.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "apps/config_file.h"
+#include "apps/control_channel.h"
+#include "apps/dataset.h"
+#include "apps/pipeline.h"
+#include "apps/process_usage.h"
+#include "apps/run_files.h"
+#include "apps/run_summary.h"
+#include "comms/peer_link.h"
+
+namespace covey {
+
+// What an agent leaves beside the files of run_files.h.
+inline constexpr char kAgentConfigFile[] = "config.json";
+inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
+
+// What became of the peers' messages, since the start.
+struct PeerCounts {
+  std::int64_t fused = 0, gated = 0, rejected = 0;
+};
+
+// The drone itself: what its images and its peers' messages do to it and to its files. One thread.
+class Agent {
+ public:
+  // Reads the dataset, opens the link and the files. Throws std::runtime_error.
+  explicit Agent(const AgentConfig& config);
+
+  [[nodiscard]] const AgentConfig& config() const { return config_; }
+  [[nodiscard]] const std::vector<ImageEntry>& images() const { return dataset_.images; }
+  [[nodiscard]] const std::vector<std::string>& warnings() const { return dataset_.warnings; }
+  [[nodiscard]] cv::Mat read(const ImageEntry& image) const;
+
+  // Images must come in time order; some may be left out.
+  void fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms);
+  void count_dropped(std::uint64_t images) { dropped_ += static_cast<std::int64_t>(images); }
+
+  // Peers. Nothing happens when flown alone.
+  [[nodiscard]] bool meet(const std::set<std::string>& peers, std::chrono::milliseconds patience);
+  [[nodiscard]] bool meet(std::size_t peers, std::chrono::milliseconds patience);
+  ArrivalCounts wait_for_arrivals(const ArrivalCounts& expected,
+                                  std::chrono::milliseconds patience);
+  void take_inbox();       // puts aside what has arrived
+  void handle_messages();  // in the order of stamp and sender
+
+  [[nodiscard]] AdvancedReply progress() const;
+
+  // Closes the files and writes the summary.
+  void finish();
+
+ private:
+  void feed_imu(TimeNs image_stamp_ns);
+  void handle(const PlaceAdvert& advert);
+  void handle(const PeerKeyframe& keyframe);
+  void handle(const AgentStatus&) {}
+  template <typename Peers>
+  bool wait_for_peers(const Peers& peers, std::chrono::milliseconds patience);
+  void count(const UpdateReport& update);
+  void publish(const ImageResult& result);
+  void write(ImageResult& result, double read_ms, double total_ms);
+  [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
+  [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
+  [[nodiscard]] LinkSummary link_summary() const;
+  [[nodiscard]] AgentSummary summary() const;
+  [[nodiscard]] nlohmann::json exchange_details() const;
+
+  AgentConfig config_;
+  Dataset dataset_;
+  Pipeline pipeline_;
+  std::optional<PeerLink> link_;
+  std::filesystem::path folder_;
+  OdometryWriter odometry_file_;
+  TimingWriter timing_file_;
+  LinkWriter link_file_;
+
+  std::size_t next_imu_ = 0;
+  std::vector<Inbound> taken_;
+  PeerCounts peer_counts_;
+  UpdateReport filter_;  // sums over all images
+  int zero_velocity_images_ = 0, reinitialized_ = 0;
+  CpuLoadMonitor cpu_load_;
+  std::int64_t frames_ = 0, dropped_ = 0;
+  std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
+  TimeNs last_ns_ = 0;
+  TimeNs last_status_ns_ = 0;
+};
+
+// Flies a recording at the configured pace: by itself, or as a team says over `control_fd`.
+// Returns false if it was stopped before its end.
+bool run_agent(const AgentConfig& config, std::optional<int> control_fd);
+
+}  // namespace covey

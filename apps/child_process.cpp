@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/child_process.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+namespace covey {
+namespace {
+
+[[noreturn]] void fail(const std::string& what) {
+  throw std::runtime_error("an agent's process cannot be started: " + what + ": " +
+                           std::strerror(errno));
+}
+
+std::string describe_end(int status) {
+  if (WIFSIGNALED(status)) {
+    const int number = WTERMSIG(status);
+    const char* name = sigabbrev_np(number);
+    return "killed by signal " + std::to_string(number) +
+           (name == nullptr ? "" : std::string(" (SIG") + name + ")");
+  }
+  const int code = WEXITSTATUS(status);
+  return code == 0 ? "" : "ended with exit code " + std::to_string(code);
+}
+
+}  // namespace
+
+ChildProcess ChildProcess::start_self(std::vector<std::string> arguments) {
+  int ends[2];
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) fail("socketpair");
+  LineChannel own(ends[0]);
+  LineChannel childs(ends[1]);
+
+  // All that allocates comes before the fork.
+  for (std::string& argument : arguments) {
+    if (argument == kControlFdPlaceholder) argument = std::to_string(ends[1]);
+  }
+  std::vector<char*> argv;
+  argv.reserve(arguments.size() + 1);
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+
+  const pid_t pid = fork();
+  if (pid < 0) fail("fork");
+  if (pid == 0) {
+    fcntl(ends[1], F_SETFD, 0);  // this one survives exec
+    execv("/proc/self/exe", argv.data());
+    _exit(127);
+  }
+  return {pid, std::move(own)};
+}
+
+ChildProcess::ChildProcess(ChildProcess&& other) noexcept
+    : pid_(std::exchange(other.pid_, -1)),
+      channel_(std::move(other.channel_)),
+      end_(std::move(other.end_)) {}
+
+ChildProcess::~ChildProcess() {
+  if (pid_ < 0 || end_) return;
+  kill();
+  int status = 0;
+  while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+  }
+}
+
+void ChildProcess::terminate() const {
+  if (!end_) ::kill(pid_, SIGTERM);
+}
+
+void ChildProcess::kill() const {
+  if (!end_) ::kill(pid_, SIGKILL);
+}
+
+bool ChildProcess::reap() {
+  int status = 0;
+  if (!end_ && waitpid(pid_, &status, WNOHANG) == pid_) end_ = describe_end(status);
+  return end_.has_value();
+}
+
+std::optional<std::string> ChildProcess::ended(std::chrono::milliseconds patience) {
+  const auto deadline = std::chrono::steady_clock::now() + patience;
+  while (!reap() && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return end_;
+}
+
+}  // namespace covey

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A program started by this one, with a control channel between them.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/control_channel.h"
+
+namespace covey {
+
+// Replaced in arguments by the number of the descriptor that the child inherits.
+inline constexpr char kControlFdPlaceholder[] = "{control-fd}";
+
+class ChildProcess {
+ public:
+  // Starts this very program again. Throws std::runtime_error if that is not possible.
+  static ChildProcess start_self(std::vector<std::string> arguments);
+
+  ~ChildProcess();  // kills what still runs
+  ChildProcess(ChildProcess&& other) noexcept;
+  ChildProcess& operator=(ChildProcess&&) = delete;
+  ChildProcess(const ChildProcess&) = delete;
+  ChildProcess& operator=(const ChildProcess&) = delete;
+
+  [[nodiscard]] LineChannel& channel() { return channel_; }
+  [[nodiscard]] const LineChannel& channel() const { return channel_; }
+  [[nodiscard]] pid_t pid() const { return pid_; }
+
+  void terminate() const;  // SIGTERM
+  void kill() const;       // SIGKILL
+
+  // How it ended: empty for exit code 0, otherwise a few words. Nothing while it runs.
+  [[nodiscard]] std::optional<std::string> ended(std::chrono::milliseconds patience);
+
+ private:
+  ChildProcess(pid_t pid, LineChannel channel) : pid_(pid), channel_(std::move(channel)) {}
+  [[nodiscard]] bool reap();
+
+  pid_t pid_ = -1;
+  LineChannel channel_;
+  std::optional<std::string> end_;
+};
+
+}  // namespace covey

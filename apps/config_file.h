@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Everything that can be set in one drone's program, as one JSON file with a section per module.
+// Keys that are not given keep their defaults; a key that is not known, or whose value has another
+// type or lies out of range, is an error that names key and file.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "apps/config_visitor.h"
+#include "comms/peer_link.h"
+#include "estimator/config.h"
+#include "frontend/collaborator.h"
+#include "frontend/tracker.h"
+
+namespace covey {
+
+enum class FlightMode { kCollaborative, kSolo };
+
+enum class Pace {
+  kMax,       // as fast as the machine can
+  kLockstep,  // a team says how far to go; nothing depends on the machine's load
+  kRate,      // real_time_factor times real time; late frames are dropped
+};
+
+struct AgentSettings {
+  std::string name = "uav0";
+  std::string dataset;  // folder that holds cam0 and imu0
+  std::string out;      // folder for the drone's files; made if it does not exist
+  FlightMode mode = FlightMode::kCollaborative;
+  Pace pace = Pace::kMax;
+  double real_time_factor = 1;  // for Pace::kRate
+  int image_queue = 4;          // decoded images that wait, for Pace::kRate; the oldest is dropped
+  double duration_s = 0;        // s of the recording to fly; 0: all of it
+  int wait_for_peers = 0;       // drones to be in touch with before the start
+  double peer_timeout_s = 30;   // s; then the drone flies without them
+};
+
+enum class InitMethod { kStatic, kGroundTruth };
+
+struct InitialisationConfig {
+  InitMethod method = InitMethod::kGroundTruth;
+  double position_sigma = 1e-3;   // m
+  double yaw_sigma = 1e-3;        // rad
+  double tilt_sigma = 5e-3;       // rad
+  double velocity_sigma = 0.02;   // m/s
+  double gyro_bias_sigma = 0.05;  // rad/s: recorded IMUs show up to 0.08
+  double accel_bias_sigma = 0.1;  // m/s2
+  // Static starts without ground truth.
+  Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();  // m
+  double yaw = 0;                                         // rad
+};
+
+struct AgentConfig {
+  AgentSettings agent;
+  InitialisationConfig initialisation;
+  TrackerConfig tracker;
+  EstimatorConfig estimator;  // imu_noise and extrinsics are the dataset's, from sensor.yaml
+  CollaboratorConfig collaboration;
+  LinkConfig link;
+};
+
+// Shows every key of `config` to `visitor` (config_schema.cpp).
+void visit_config(AgentConfig& config, ConfigVisitor& visitor);
+
+// Sets in `config` what `json` holds; `file` is named in errors.
+void merge_config(const nlohmann::json& json, const std::string& file, AgentConfig& config);
+
+[[nodiscard]] AgentConfig read_config(const std::filesystem::path& file);
+[[nodiscard]] nlohmann::json parse_config_file(const std::filesystem::path& file);
+
+[[nodiscard]] std::string print_config(const AgentConfig& config);  // JSON
+// One line per key: key, default, range, meaning and unit.
+[[nodiscard]] std::string describe_config();
+
+}  // namespace covey

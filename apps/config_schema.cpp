@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The keys of the configuration: name, place in the program, range, meaning and unit.
+#include "apps/config_file.h"
+
+namespace covey {
+namespace {
+
+constexpr double kManyTimes = 1e6;
+
+void visit_agent(AgentSettings& agent, ConfigVisitor& v) {
+  v.text("name", agent.name, "unique in the team");
+  v.text("dataset", agent.dataset, "folder that holds cam0 and imu0");
+  v.text("out", agent.out, "folder for the drone's files");
+  v.option("mode", agent.mode, {"collaborative", "solo"}, "solo: no link at all");
+  v.option("pace", agent.pace, {"max", "lockstep", "rate"},
+           "as fast as possible, as a team says, or by the clock");
+  v.number("real_time_factor", agent.real_time_factor, {0.01, 100}, "of pace 'rate'");
+  v.count("image_queue", agent.image_queue, {1, 1000},
+          "images that wait at pace 'rate'; then the oldest is dropped");
+  v.number("duration_s", agent.duration_s, {0, kManyTimes}, "[s] of the recording; 0: all");
+  v.count("wait_for_peers", agent.wait_for_peers, {0, 200}, "drones to be in touch with at start");
+  v.number("peer_timeout_s", agent.peer_timeout_s, {0, kManyTimes},
+           "[s] then the drone flies without them");
+}
+
+void visit_initialisation(InitialisationConfig& start, ConfigVisitor& v) {
+  v.option("method", start.method, {"static", "groundtruth"},
+           "gravity from standing still, or pose and velocity from ground truth");
+  v.number("position_sigma_m", start.position_sigma, {1e-9, 1e3}, "[m] standard deviation");
+  v.angle("yaw_sigma_deg", start.yaw_sigma, {1e-6, 180}, "[deg] standard deviation");
+  v.angle("tilt_sigma_deg", start.tilt_sigma, {1e-6, 45}, "[deg] standard deviation");
+  v.number("velocity_sigma", start.velocity_sigma, {1e-9, 100}, "[m/s] standard deviation");
+  v.number("gyro_bias_sigma", start.gyro_bias_sigma, {1e-9, 1}, "[rad/s] standard deviation");
+  v.number("accel_bias_sigma", start.accel_bias_sigma, {1e-9, 10}, "[m/s2] standard deviation");
+  v.number("x_m", start.p_world_imu.x(), {-1e6, 1e6}, "[m] static start without ground truth");
+  v.number("y_m", start.p_world_imu.y(), {-1e6, 1e6}, "[m] static start without ground truth");
+  v.number("z_m", start.p_world_imu.z(), {-1e6, 1e6}, "[m] static start without ground truth");
+  v.angle("yaw_deg", start.yaw, {-360, 360}, "[deg] static start without ground truth");
+}
+
+void visit_tracker(TrackerConfig& tracker, ConfigVisitor& v) {
+  v.count("max_tracks", tracker.max_tracks, {10, 5000}, "per image");
+  v.number("pixel_sigma_px", tracker.pixel_sigma, {1e-3, 20},
+           "[px] standard deviation of a tracked corner");
+  v.count("pyramid_levels", tracker.pyramid_levels, {1, 8}, "the image itself and its halves");
+  v.count("predicted_levels", tracker.predicted_levels, {1, 8},
+          "of them, tried first for a track whose motion is known");
+  v.number("min_correlation", tracker.min_correlation, {-1, 1},
+           "of a patch and where it was found");
+  v.number("max_scale", tracker.max_scale, {1, 100}, "beyond it a patch is cut anew");
+  v.number("duplicate_distance_px", tracker.duplicate_distance, {0, 100},
+           "[px] of two tracks nearer than this the younger ends");
+  v.number("refill_below", tracker.refill_below, {0, 1},
+           "share of max_tracks below which corners are looked for");
+}
+
+void visit_alignment(TrackerConfig& tracker, ConfigVisitor& v) {
+  v.count("align_max_iterations", tracker.alignment.max_iterations, {1, 1000}, "on each level");
+  v.number("align_converged_step_px", tracker.alignment.converged_step, {1e-6, 1}, "[px]");
+  v.number("align_coarse_step_px", tracker.alignment.coarse_step, {1e-6, 10},
+           "[px] of a coarse level");
+  v.number("align_min_texture", tracker.alignment.min_texture, {0, 255},
+           "[grey levels/px] in the patch's weakest direction");
+  v.number("align_affine_sigma", tracker.alignment.affine_sigma, {1e-6, 10},
+           "change of an entry of the affine map from image to image");
+  v.number("align_grey_sigma", tracker.alignment.grey_sigma, {1e-6, 255}, "[grey levels]");
+}
+
+void visit_corners(TrackerConfig& tracker, ConfigVisitor& v) {
+  v.number("corner_min_distance_px", tracker.corners.min_distance, {1, 1000},
+           "[px] between two tracks");
+  v.count("corner_border_px", tracker.corners.border, {0, 1000}, "[px] of the image's edge");
+  v.count("corner_start_threshold", tracker.corners.start_threshold, {1, 255},
+          "[grey levels] of FAST");
+  v.count("corner_min_threshold", tracker.corners.min_threshold, {1, 255},
+          "[grey levels] of FAST in cells of little contrast");
+  v.count("corner_max_threshold", tracker.corners.max_threshold, {1, 255},
+          "[grey levels] of FAST in cells of much contrast");
+  v.number("corner_min_eigenvalue", tracker.corners.min_eigenvalue, {0, 1e6},
+           "[(grey levels/px)^2] of the structure tensor");
+  v.count("corner_max_per_cell", tracker.corners.max_per_cell, {1, 100},
+          "when other cells are empty");
+  v.count("corner_cells_per_image", tracker.corners.cells_per_image, {1, 1e5},
+          "looked at in one image, except in the first");
+}
+
+void visit_outliers(TrackerConfig& tracker, ConfigVisitor& v) {
+  v.number("outlier_max_deviations", tracker.outliers.max_deviations, {0.1, 1e3},
+           "robust standard deviations from the epipolar line");
+  v.number("outlier_min_epipolar_px", tracker.outliers.min_epipolar_px, {0.01, 100},
+           "[px] never a narrower band than this");
+  v.number("outlier_max_epipolar_px", tracker.outliers.max_epipolar_px, {0.01, 100},
+           "[px] never a wider band than this");
+  v.number("outlier_parallax_px", tracker.outliers.parallax_px, {0, 1000},
+           "[px] images are compared when this far apart");
+  v.count("outlier_max_lag", tracker.outliers.max_lag, {1, 1000}, "images apart at most");
+  v.count("outlier_iterations", tracker.outliers.iterations, {1, 1e5}, "of RANSAC");
+  v.count("outlier_min_tracks", tracker.outliers.min_tracks, {0, 1e5},
+          "with fewer nothing is rejected");
+  v.number("outlier_min_consensus", tracker.outliers.min_consensus, {0, 1},
+           "with a smaller share agreeing nothing is rejected");
+  v.number("outlier_gyro_sigma", tracker.outliers.gyro_sigma, {0, 10}, "[rad/s]");
+}
+
+void visit_estimator(EstimatorConfig& estimator, ConfigVisitor& v) {
+  v.number("gravity", estimator.gravity, {0, 30}, "[m/s2]");
+  v.number("max_imu_gap_s", estimator.max_imu_gap_s, {1e-3, 10}, "[s] longer ones are counted");
+  v.number("max_gyro", estimator.max_gyro, {0.1, 1e3}, "[rad/s] a sample beyond is refused");
+  v.number("max_accel", estimator.max_accel, {10, 1e4}, "[m/s2] a sample beyond is refused");
+  v.count("max_clones", estimator.max_clones, {3, 100}, "keyframes kept");
+  v.count("max_slam_features", estimator.max_slam_features, {0, 1000}, "landmarks in the state");
+  v.count("max_msckf_features", estimator.max_msckf_features, {0, 1000}, "in one update");
+  v.number("observation_noise_scale", estimator.observation_noise_scale, {1e-3, 1e3},
+           "times the tracker's sigma");
+  v.number("gate_confidence", estimator.gate_confidence, {0.5, 0.999999},
+           "share of good features that pass the chi-square gate");
+}
+
+void visit_features(EstimatorConfig& estimator, ConfigVisitor& v) {
+  v.number("keyframe_parallax", estimator.keyframe_parallax, {0, 1},
+           "rotation-free motion of the tracks, on the normalised plane");
+  v.number("keyframe_max_age_s", estimator.keyframe_max_age_s, {0, 1e3}, "[s]");
+  v.number("keyframe_min_shared", estimator.keyframe_min_shared, {0, 1}, "share of tracks");
+  v.number("max_msckf_depth_error", estimator.max_msckf_depth_error, {1e-3, 10},
+           "of the inverse depth, relative");
+  v.number("max_slam_depth_error", estimator.max_slam_depth_error, {1e-3, 10},
+           "of the inverse depth, relative");
+  v.number("min_depth_m", estimator.min_depth, {1e-3, 1e3}, "[m]");
+  v.number("max_depth_m", estimator.max_depth, {1, 1e6}, "[m]");
+}
+
+void visit_calibration(EstimatorConfig& estimator, ConfigVisitor& v) {
+  v.flag("calibrate_extrinsics", estimator.calibrate_extrinsics, "camera to IMU, while flying");
+  v.number("extrinsics_sigma_m", estimator.extrinsics_sigma_m, {0, 10},
+           "[m] standard deviation of what the dataset says");
+  v.angle("extrinsics_sigma_deg", estimator.extrinsics_sigma_rad, {0, 90},
+          "[deg] standard deviation of what the dataset says");
+  v.flag("calibrate_time_offset", estimator.calibrate_time_offset, "camera to IMU, while flying");
+  v.number("time_offset_sigma_s", estimator.time_offset_sigma_s, {0, 1}, "[s]");
+}
+
+void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {
+  v.flag("zero_velocity_updates", estimator.zero_velocity_updates, "when standing still");
+  v.number("still_window_s", estimator.still_window_s, {0.01, 10}, "[s]");
+  v.number("still_parallax", estimator.still_parallax, {0, 1}, "normalised plane, over the window");
+  v.number("still_gyro", estimator.still_gyro, {0, 10}, "[rad/s] change over the window");
+  v.number("still_accel", estimator.still_accel, {0, 100}, "[m/s2] change over the window");
+  v.number("still_velocity_sigma", estimator.still_velocity_sigma, {1e-9, 10}, "[m/s]");
+  v.number("still_gyro_sigma", estimator.still_gyro_sigma, {1e-9, 10}, "[rad/s]");
+  v.number("still_accel_sigma", estimator.still_accel_sigma, {1e-9, 100}, "[m/s2]");
+  v.number("lost_after_s", estimator.lost_after_s, {0.01, 1e3}, "[s] with most features gated");
+  v.number("max_velocity", estimator.max_velocity, {0.1, 1e3}, "[m/s] beyond it is lost");
+}
+
+void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
+  v.number("keyframe_baseline_over_depth", c.keyframe.baseline_over_depth, {1e-3, 10},
+           "way since the last keyframe over mean depth");
+  v.angle("keyframe_rotation_deg", c.keyframe.rotation, {0.1, 180},
+          "[deg] since the last keyframe");
+  v.number("keyframe_min_interval_s", c.keyframe.min_interval_s, {0, 1e3}, "[s]");
+  v.number("keyframe_fallback_depth_m", c.keyframe.fallback_depth, {0.01, 1e4},
+           "[m] while no landmark is known");
+  v.number("keyframe_max_relative_sigma", c.keyframe.max_relative_sigma, {1e-3, 10},
+           "of landmarks that count in the mean depth");
+  v.count("database_capacity", c.database.capacity, {1, 1e5}, "keyframes");
+  v.count("database_protected_newest", c.database.protected_newest, {0, 1e5}, "keyframes");
+  v.option("place_mode", c.place_mode, {"paper", "majority", "compact"},
+           "what a request says of a place: residuals of words OR-ed or voted, or short corners");
+  v.number("place_threshold", c.place_threshold, {0, 1},
+           "least score that is answered; 0: what suits the mode");
+  v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");
+  v.number("resend_interval_s", c.limiter.resend_interval_s, {0, 1e4},
+           "[s] same keyframe to one peer");
+  v.count("max_peers", c.limiter.max_peers, {1, 1000}, "that get answers");
+  v.count("min_landmarks", c.min_landmarks, {1, 1e4}, "in a message");
+  v.count("max_landmarks", c.max_landmarks, {1, 1e4}, "in a message");
+  v.number("max_relative_sigma", c.max_relative_sigma, {1e-3, 10},
+           "of landmarks that are sent or accepted, over their distance");
+}
+
+void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
+  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 256}, "of 256");
+  v.number("match_ratio", c.matching.ratio, {0.01, 1}, "best to second best distance");
+  v.number("verify_inlier_px", c.verification.inlier_px, {0.01, 100}, "[px] reprojection error");
+  v.count("verify_min_inliers", c.verification.min_inliers, {3, 1e4}, "landmarks");
+  v.number("verify_min_inlier_share", c.verification.min_inlier_share, {0, 1},
+           "of the descriptor matches");
+  v.count("verify_max_iterations", c.verification.max_iterations, {1, 1e6}, "of RANSAC");
+  v.number("verify_max_offset_sigma_m", c.verification.max_offset_sigma, {0, 1e6},
+           "[m] left by the inliers at 1 px");
+  v.number("verify_max_offset_m", c.verification.max_offset, {0, 1e6}, "[m] between two drones");
+  v.angle("verify_max_yaw_deg", c.verification.max_yaw, {0, 180}, "[deg] between two drones");
+  v.number("guided_radius_px", c.guided.radius_px, {0.01, 100},
+           "[px] about where a peer's landmark must appear");
+  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 256}, "of 256");
+  v.count("min_matches", c.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
+  v.number("matching_sigma_px", c.matching_sigma_px, {0, 100},
+           "[px] to which two descriptors agree on a corner");
+}
+
+void visit_link(LinkConfig& link, ConfigVisitor& v) {
+  v.text("team", link.team, "teams do not hear each other");
+  v.count("domain", link.domain, {0, 200}, "DDS domain");
+  v.option("profile", link.profile, {"radio", "lockstep"}, "lossy link, or nothing is lost");
+  v.count("max_agents", link.max_agents, {1, 200}, "in a team");
+  v.flag("loopback_only", link.loopback_only, "nothing leaves this machine");
+  v.texts("interfaces", link.interfaces, "own IPv4 addresses to use; empty: all");
+  v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones; empty: multicast");
+  v.count("inbox_limit", link.inbox_limit, {1, 1e6}, "messages not yet taken");
+}
+
+}  // namespace
+
+void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
+  const auto section = [&visitor](const char* name, auto& values, auto... visits) {
+    visitor.begin_section(name);
+    (visits(values, visitor), ...);
+    visitor.end_section();
+  };
+  section("agent", config.agent, visit_agent);
+  section("initialisation", config.initialisation, visit_initialisation);
+  section("tracker", config.tracker, visit_tracker, visit_alignment, visit_corners, visit_outliers);
+  section("estimator", config.estimator, visit_estimator, visit_features, visit_calibration,
+          visit_standing_still);
+  section("collaboration", config.collaboration, visit_collaboration, visit_matching);
+  section("link", config.link, visit_link);
+}
+
+}  // namespace covey

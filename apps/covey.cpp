@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// covey: one program, one subcommand for each job.
+#include <spdlog/sinks/stdout_color_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <opencv2/core/utility.hpp>
+#include <string>
+
+#include "apps/agent_command.h"
+#include "apps/evaluate_command.h"
+#include "apps/report_command.h"
+#include "apps/simulate_command.h"
+#include "apps/team_command.h"
+
+namespace {
+
+constexpr int kFailure = 1, kBadUsage = 2;
+
+std::string one_line(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  for (char& c : text) c = c == '\n' ? ' ' : c;
+  return text;
+}
+
+// Which command's help has the answer.
+std::string help_hint(const CLI::App& covey) {
+  const auto used = covey.get_subcommands();
+  return used.empty() ? "covey --help" : "covey " + used.front()->get_name() + " --help";
+}
+
+int run(CLI::App& covey, int argc, char** argv) {
+  try {
+    covey.parse(argc, argv);
+    return 0;
+  } catch (const CLI::RuntimeError& error) {
+    return error.get_exit_code();
+  } catch (const CLI::Success& help) {
+    return covey.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "covey: %s (see %s)\n", one_line(error.what()).c_str(),
+                 help_hint(covey).c_str());
+    return kBadUsage;
+  }
+}
+
+int run(int argc, char** argv) {
+  cv::setNumThreads(1);  // drones share the machine's cores
+  spdlog::set_default_logger(spdlog::stderr_color_st("covey"));
+  spdlog::set_pattern("covey: %l: %v");
+
+  CLI::App covey("Collaborative visual and thermal inertial odometry for teams of drones", "covey");
+  covey.require_subcommand(1);
+  covey::add_simulate_command(covey);
+  covey::add_team_command(covey);
+  covey::add_agent_command(covey);
+  covey::add_evaluate_command(covey);
+  covey::add_report_command(covey);
+  return run(covey, argc, argv);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "covey: %s\n", one_line(error.what()).c_str());
+  } catch (...) {
+    std::fputs("covey: failed for an unknown reason\n", stderr);
+  }
+  return kFailure;
+}

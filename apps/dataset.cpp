@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/dataset.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <stdexcept>
+
+#include "apps/csv.h"
+#include "apps/png_file.h"
+#include "apps/sensor_file.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kGapFactor = 5;  // an IMU gap: this many times the median period
+
+bool is_mav0(const fs::path& folder) {
+  return fs::is_directory(folder / "cam0") && fs::is_directory(folder / "imu0");
+}
+
+// uav2 before uav10: digits compare as numbers.
+bool natural_less(const std::string& a, const std::string& b) {
+  const auto is_digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  std::size_t i = 0;
+  std::size_t j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (!is_digit(a[i]) || !is_digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i, ++j;
+      continue;
+    }
+    while (i < a.size() && a[i] == '0') ++i;
+    while (j < b.size() && b[j] == '0') ++j;
+    const std::size_t a_begin = i;
+    const std::size_t b_begin = j;
+    while (i < a.size() && is_digit(a[i])) ++i;
+    while (j < b.size() && is_digit(b[j])) ++j;
+    if (i - a_begin != j - b_begin) return i - a_begin < j - b_begin;
+    const int order = a.compare(a_begin, i - a_begin, b, b_begin, j - b_begin);
+    if (order != 0) return order < 0;
+  }
+  return a.size() - i < b.size() - j || (a.size() - i == b.size() - j && a < b);
+}
+
+std::vector<ImageEntry> read_image_list(const fs::path& cam0) {
+  const fs::path csv = cam0 / "data.csv";
+  CsvReader reader(csv, CsvReader::Separator::kComma);
+  std::vector<ImageEntry> images;
+  while (reader.next()) {
+    reader.require_columns(2, "stamp [ns], file name");
+    ImageEntry image;
+    image.stamp_ns = reader.stamp_from_nanoseconds(0);
+    image.path = cam0 / "data" / std::string(reader.text(1));
+    if (!images.empty()) require_increasing(reader, images.back().stamp_ns, image.stamp_ns);
+    if (!fs::is_regular_file(image.path)) {
+      reader.fail("the image " + image.path.string() + " does not exist");
+    }
+    images.push_back(std::move(image));
+  }
+  if (images.empty()) throw std::runtime_error(csv.string() + ": lists no image");
+  return images;
+}
+
+std::vector<ImuGap> find_gaps(const std::vector<ImuSample>& imu) {
+  std::vector<TimeNs> periods;
+  for (std::size_t i = 1; i < imu.size(); ++i) {
+    periods.push_back(imu[i].stamp_ns - imu[i - 1].stamp_ns);
+  }
+  std::vector<TimeNs> sorted = periods;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double longest = kGapFactor * static_cast<double>(*middle);
+  std::vector<ImuGap> gaps;
+  for (std::size_t i = 0; i < periods.size(); ++i) {
+    if (static_cast<double>(periods[i]) > longest) {
+      gaps.push_back({imu[i].stamp_ns, imu[i + 1].stamp_ns});
+    }
+  }
+  return gaps;
+}
+
+std::string gap_warning(const fs::path& file, const ImuGap& gap) {
+  char text[96];
+  std::snprintf(text, sizeof text, ": no IMU for %.1f ms after stamp %lld ns",
+                seconds_between(gap.from_ns, gap.to_ns) * 1e3, static_cast<long long>(gap.from_ns));
+  return file.string() + text;
+}
+
+struct Span {
+  fs::path file;
+  TimeNs first_ns = 0;
+  TimeNs last_ns = 0;
+};
+
+void require_overlap(const Span& images, const Span& other, const std::string& what) {
+  if (other.first_ns < images.last_ns && other.last_ns > images.first_ns) return;
+  throw std::runtime_error(other.file.string() + ": " + what + " from " +
+                           std::to_string(other.first_ns) + " to " + std::to_string(other.last_ns) +
+                           " ns does not overlap the images from " +
+                           std::to_string(images.first_ns) + " to " +
+                           std::to_string(images.last_ns) + " ns: are both on one clock?");
+}
+
+// Central differences, one-sided at the ends: for files that hold poses only.
+void differentiate_velocity(std::vector<GroundTruthState>& states) {
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const GroundTruthState& before = states[i == 0 ? 0 : i - 1];
+    const GroundTruthState& after = states[std::min(i + 1, states.size() - 1)];
+    states[i].v_world_imu = (after.pose.p_world_imu - before.pose.p_world_imu) /
+                            seconds_between(before.stamp_ns, after.stamp_ns);
+  }
+}
+
+GroundTruthState read_state(const CsvReader& reader) {
+  reader.require_columns(8, "stamp [ns], x, y, z, qw, qx, qy, qz[, velocity[, biases]]");
+  GroundTruthState state;
+  state.stamp_ns = reader.stamp_from_nanoseconds(0);
+  state.pose = {reader.vector3(1), reader.quaternion(4, 5, 6, 7)};
+  if (reader.columns() >= 11) state.v_world_imu = reader.vector3(8);
+  if (reader.columns() >= 17) {
+    state.gyro_bias = reader.vector3(11);
+    state.accel_bias = reader.vector3(14);
+  }
+  return state;
+}
+
+Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double t) {
+  return a + t * (b - a);
+}
+
+}  // namespace
+
+std::vector<DroneFolder> find_drones(const fs::path& folder) {
+  if (!fs::is_directory(folder)) {
+    throw std::runtime_error(folder.string() + ": is not a folder: is the path right?");
+  }
+  if (is_mav0(folder)) return {{"uav0", folder}};
+  if (is_mav0(folder / "mav0")) return {{"uav0", folder / "mav0"}};
+  std::vector<DroneFolder> drones;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    if (fs::is_directory(entry.path() / "mav0")) {
+      drones.push_back({entry.path().filename().string(), entry.path() / "mav0"});
+    }
+  }
+  if (drones.empty()) {
+    throw std::runtime_error(folder.string() +
+                             ": holds no drone: expected uavK/mav0/cam0 and uavK/mav0/imu0 in it");
+  }
+  std::sort(drones.begin(), drones.end(), [](const DroneFolder& a, const DroneFolder& b) {
+    return natural_less(a.name, b.name);
+  });
+  return drones;
+}
+
+std::vector<ImuSample> read_imu(const fs::path& csv) {
+  CsvReader reader(csv, CsvReader::Separator::kComma);
+  std::vector<ImuSample> samples;
+  while (reader.next()) {
+    reader.require_columns(7, "stamp [ns], angular rate x y z, specific force x y z");
+    ImuSample sample;
+    sample.stamp_ns = reader.stamp_from_nanoseconds(0);
+    sample.gyro_imu = reader.vector3(1);
+    sample.accel_imu = reader.vector3(4);
+    if (!samples.empty()) require_increasing(reader, samples.back().stamp_ns, sample.stamp_ns);
+    samples.push_back(sample);
+  }
+  if (samples.size() < 2) throw std::runtime_error(csv.string() + ": holds no IMU samples");
+  return samples;
+}
+
+GroundTruth read_ground_truth(const fs::path& csv) {
+  CsvReader reader(csv, CsvReader::Separator::kComma);
+  GroundTruth truth;
+  std::size_t columns = 0;
+  while (reader.next()) {
+    if (truth.states.empty()) columns = reader.columns();
+    reader.require_columns(columns, "as in the lines before");
+    const GroundTruthState state = read_state(reader);
+    if (!truth.states.empty()) {
+      require_increasing(reader, truth.states.back().stamp_ns, state.stamp_ns);
+    }
+    truth.states.push_back(state);
+  }
+  if (truth.states.size() < 2) {
+    throw std::runtime_error(csv.string() +
+                             ": holds no ground truth; remove the folder if there is none");
+  }
+  if (columns < 11) differentiate_velocity(truth.states);
+  truth.has_biases = columns >= 17;
+  return truth;
+}
+
+Dataset read_dataset(const fs::path& mav0) {
+  Dataset dataset;
+  const CameraCalibration camera = read_camera_file(mav0 / "cam0" / "sensor.yaml");
+  dataset.camera = camera.intrinsics;
+  dataset.extrinsics = camera.extrinsics;
+  dataset.imu_noise = read_imu_file(mav0 / "imu0" / "sensor.yaml");
+  dataset.images = read_image_list(mav0 / "cam0");
+  const Span images{mav0 / "cam0" / "data.csv", dataset.images.front().stamp_ns,
+                    dataset.images.back().stamp_ns};
+
+  const fs::path imu_csv = mav0 / "imu0" / "data.csv";
+  dataset.imu = read_imu(imu_csv);
+  require_overlap(images, {imu_csv, dataset.imu.front().stamp_ns, dataset.imu.back().stamp_ns},
+                  "the IMU");
+  dataset.imu_gaps = find_gaps(dataset.imu);
+  for (const ImuGap& gap : dataset.imu_gaps) dataset.warnings.push_back(gap_warning(imu_csv, gap));
+
+  const fs::path truth_folder = mav0 / "state_groundtruth_estimate0";
+  if (fs::exists(truth_folder)) {
+    const fs::path truth_csv = truth_folder / "data.csv";
+    dataset.ground_truth = read_ground_truth(truth_csv);
+    const std::vector<GroundTruthState>& states = dataset.ground_truth->states;
+    require_overlap(images, {truth_csv, states.front().stamp_ns, states.back().stamp_ns},
+                    "the ground truth");
+  }
+  return dataset;
+}
+
+std::optional<GroundTruthState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns) {
+  const auto after = std::lower_bound(
+      truth.states.begin(), truth.states.end(), stamp_ns,
+      [](const GroundTruthState& state, TimeNs stamp) { return state.stamp_ns < stamp; });
+  if (after == truth.states.end()) return std::nullopt;
+  if (after->stamp_ns == stamp_ns) return *after;
+  if (after == truth.states.begin()) return std::nullopt;
+  const GroundTruthState& a = *(after - 1);
+  const GroundTruthState& b = *after;
+  const double t = seconds_between(a.stamp_ns, stamp_ns) / seconds_between(a.stamp_ns, b.stamp_ns);
+  GroundTruthState state;
+  state.stamp_ns = stamp_ns;
+  state.pose.p_world_imu = mix(a.pose.p_world_imu, b.pose.p_world_imu, t);
+  state.pose.q_world_imu = a.pose.q_world_imu.slerp(t, b.pose.q_world_imu);
+  state.v_world_imu = mix(a.v_world_imu, b.v_world_imu, t);
+  state.gyro_bias = mix(a.gyro_bias, b.gyro_bias, t);
+  state.accel_bias = mix(a.accel_bias, b.accel_bias, t);
+  return state;
+}
+
+Trajectory to_trajectory(const GroundTruth& truth) {
+  Trajectory trajectory;
+  for (const GroundTruthState& state : truth.states) {
+    trajectory.push_back({state.stamp_ns, state.pose});
+  }
+  return trajectory;
+}
+
+cv::Mat read_image(const ImageEntry& image, int width, int height) {
+  cv::Mat pixels = read_png(image.path.string());
+  if (pixels.cols != width || pixels.rows != height) {
+    throw std::runtime_error(image.path.string() + ": the image is " + std::to_string(pixels.cols) +
+                             "x" + std::to_string(pixels.rows) + ", sensor.yaml says " +
+                             std::to_string(width) + "x" + std::to_string(height));
+  }
+  return pixels;
+}
+
+}  // namespace covey

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Reads EuRoC/ASL folders: DIR/uavK/mav0/{cam0,imu0,state_groundtruth_estimate0}. Everything is
+// checked once, here: whatever is wrong is one std::runtime_error that names file and line.
+#pragma once
+
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/trajectory_file.h"
+#include "estimator/config.h"
+#include "estimator/measurements.h"
+#include "frontend/camera.h"
+
+namespace covey {
+
+struct DroneFolder {
+  std::string name;            // "uav0"
+  std::filesystem::path mav0;  // the folder that holds cam0 and imu0
+};
+
+struct ImageEntry {
+  TimeNs stamp_ns = 0;
+  std::filesystem::path path;
+};
+
+struct GroundTruthState {
+  TimeNs stamp_ns = 0;
+  Pose pose;
+  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2
+};
+
+// Strictly increasing stamps, at least two states.
+struct GroundTruth {
+  std::vector<GroundTruthState> states;
+  bool has_biases = false;  // otherwise zero; velocities are differentiated where the file has none
+};
+
+// A hole in the IMU stream, longer than five times the median period.
+struct ImuGap {
+  TimeNs from_ns = 0;
+  TimeNs to_ns = 0;
+};
+
+struct Dataset {
+  CameraIntrinsics camera;
+  CameraExtrinsics extrinsics;
+  ImuNoise imu_noise;
+  std::vector<ImageEntry> images;  // stamps strictly increasing
+  std::vector<ImuSample> imu;      // stamps strictly increasing
+  std::optional<GroundTruth> ground_truth;
+  std::vector<ImuGap> imu_gaps;
+  std::vector<std::string> warnings;  // one line each, for a person to read
+};
+
+// The drones below `folder`, in natural order (uav2 before uav10). A folder with mav0 directly
+// inside, or mav0 itself, is a team of one called "uav0".
+[[nodiscard]] std::vector<DroneFolder> find_drones(const std::filesystem::path& folder);
+
+[[nodiscard]] Dataset read_dataset(const std::filesystem::path& mav0);
+
+// The parts, for those that need only one.
+[[nodiscard]] std::vector<ImuSample> read_imu(const std::filesystem::path& csv);
+[[nodiscard]] GroundTruth read_ground_truth(const std::filesystem::path& csv);
+
+// Ground truth between two states: linear, slerp for attitude. Nothing outside the recording.
+[[nodiscard]] std::optional<GroundTruthState> ground_truth_at(const GroundTruth& truth,
+                                                              TimeNs stamp_ns);
+[[nodiscard]] Trajectory to_trajectory(const GroundTruth& truth);
+
+// Grey pixels, CV_8UC1 or CV_16UC1, of the camera's size; an error names the image.
+[[nodiscard]] cv::Mat read_image(const ImageEntry& image, int width, int height);
+
+}  // namespace covey

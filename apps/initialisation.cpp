@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/initialisation.h"
+
+#include <stdexcept>
+#include <utility>
+
+namespace covey {
+
+Initialisation::Initialisation(const InitialisationConfig& config, double gravity,
+                               std::optional<GroundTruth> truth)
+    : config_(config), truth_(std::move(truth)) {
+  static_.gravity = gravity;
+  if (config_.method == InitMethod::kGroundTruth && !truth_) {
+    throw std::runtime_error(
+        "a start from ground truth is asked for, but the dataset has none; use the static start");
+  }
+}
+
+std::variant<InitialState, NotStill> Initialisation::start_at(
+    TimeNs imu_stamp_ns, const std::vector<ImuSample>& imu) const {
+  return config_.method == InitMethod::kGroundTruth ? from_truth(imu_stamp_ns)
+                                                    : from_standing_still(imu_stamp_ns, imu);
+}
+
+// Pose and velocity only, as in the paper: the biases are for the filter to find.
+std::variant<InitialState, NotStill> Initialisation::from_truth(TimeNs imu_stamp_ns) const {
+  const std::optional<GroundTruthState> truth = ground_truth_at(*truth_, imu_stamp_ns);
+  if (!truth) return NotStill{"the ground truth does not cover this image"};
+  InitialState start;
+  start.stamp_ns = imu_stamp_ns;
+  start.pose = truth->pose;
+  start.v_world_imu = truth->v_world_imu;
+  start.position_sigma = config_.position_sigma;
+  start.yaw_sigma = config_.yaw_sigma;
+  start.tilt_sigma = config_.tilt_sigma;
+  start.velocity_sigma = config_.velocity_sigma;
+  start.gyro_bias_sigma = config_.gyro_bias_sigma;
+  start.accel_bias_sigma = config_.accel_bias_sigma;
+  return start;
+}
+
+std::variant<InitialState, NotStill> Initialisation::from_standing_still(
+    TimeNs imu_stamp_ns, const std::vector<ImuSample>& imu) const {
+  Eigen::Vector3d p_world_imu = config_.p_world_imu;
+  double yaw = config_.yaw;
+  if (truth_) {
+    const GroundTruthState known =
+        ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front());
+    p_world_imu = known.pose.p_world_imu;
+    yaw = yaw_of(known.pose.q_world_imu);
+  }
+  std::variant<InitialState, NotStill> result =
+      static_initialization(imu, p_world_imu, yaw, static_);
+  if (auto* start = std::get_if<InitialState>(&result)) {
+    start->position_sigma = config_.position_sigma;
+    start->yaw_sigma = config_.yaw_sigma;
+  }
+  return result;
+}
+
+}  // namespace covey

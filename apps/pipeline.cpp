@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/pipeline.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "apps/process_usage.h"
+#include "estimator/so3.h"
+#include "frontend/vocabulary_visual.h"
+
+namespace covey {
+namespace {
+
+EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& sensors) {
+  EstimatorConfig estimator = config.estimator;
+  estimator.imu_noise = sensors.imu_noise;
+  estimator.extrinsics = sensors.extrinsics;
+  return estimator;
+}
+
+CollaboratorConfig collaborator_config(const AgentConfig& config) {
+  CollaboratorConfig collaboration = config.collaboration;
+  collaboration.agent = config.agent.name;
+  return collaboration;
+}
+
+Eigen::Isometry3d camera_in_world(const Pose& pose, const CameraExtrinsics& extrinsics) {
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
+  T_world_cam.linear() = (pose.q_world_imu * extrinsics.q_imu_cam).toRotationMatrix();
+  T_world_cam.translation() = pose.p_world_imu + pose.q_world_imu * extrinsics.p_imu_cam;
+  return T_world_cam;
+}
+
+// Adds the time since its birth to one field.
+class StageTimer {
+ public:
+  explicit StageTimer(double& ms) : ms_(ms), start_ms_(thread_cpu_ms()) {}
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+  ~StageTimer() { ms_ += thread_cpu_ms() - start_ms_; }
+
+ private:
+  double& ms_;
+  double start_ms_;
+};
+
+void take_over(const UpdateReport& update, TimingRecord& timing) {
+  timing.propagate_ms = update.propagate_ms;
+  timing.msckf_ms = update.msckf_ms;
+  timing.slam_ms = update.slam_ms;
+  timing.slam_features = update.slam_features;
+  timing.clones = update.clones;
+  timing.msckf_used = update.msckf_used;
+  timing.msckf_gated = update.msckf_gated;
+  timing.slam_used = update.slam_used;
+  timing.slam_gated = update.slam_gated;
+}
+
+}  // namespace
+
+Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from_ns, TimeNs to_ns,
+                                  const Eigen::Vector3d& gyro_bias) {
+  Eigen::Quaterniond q_from_to = Eigen::Quaterniond::Identity();
+  for (std::size_t i = 0; i + 1 < imu.size(); ++i) {
+    const TimeNs begin_ns = std::max(from_ns, imu[i].stamp_ns);
+    const TimeNs end_ns = std::min(to_ns, imu[i + 1].stamp_ns);
+    if (begin_ns >= end_ns) continue;
+    const Eigen::Vector3d rate = (imu[i].gyro_imu + imu[i + 1].gyro_imu) / 2 - gyro_bias;
+    q_from_to = q_from_to * exp_quaternion(rate * seconds_between(begin_ns, end_ns));
+  }
+  return q_from_to.normalized();
+}
+
+Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
+                   std::optional<GroundTruth> truth)
+    : config_(config),
+      initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
+      tracker_(config.tracker, sensors.camera),
+      estimator_(estimator_config(config, sensors), thread_cpu_ms) {
+  status_.agent = config.agent.name;
+  if (config.agent.mode == FlightMode::kCollaborative) {
+    const double focal_length_px = (sensors.camera.fx + sensors.camera.fy) / 2;
+    collaborator_.emplace(collaborator_config(config), visual_vocabulary(), focal_length_px);
+  }
+}
+
+void Pipeline::add_imu(const ImuSample& sample) {
+  recent_imu_.push_back(sample);
+  estimator_.add_imu(sample);
+}
+
+TimeNs Pipeline::imu_moment(TimeNs image_stamp_ns) const {
+  return image_stamp_ns + nanoseconds(estimator_.extrinsics().time_offset_s);
+}
+
+ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
+  ImageResult result;
+  result.timing = std::exchange(peer_work_, TimingRecord{});
+  result.timing.stamp_ns = stamp_ns;
+
+  TrackedFrame frame;
+  {
+    const StageTimer timer(result.timing.track_ms);
+    frame = tracker_.track(stamp_ns, pixels, predicted_rotation(stamp_ns));
+  }
+  result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
+  result.tracks_begun = frame.added;
+  previous_image_ns_ = stamp_ns;
+  ++status_.frames;
+  status_.stamp_ns = stamp_ns;
+  status_.tracks = static_cast<std::uint32_t>(frame.features.size());
+
+  if (!started()) start_if_possible(stamp_ns);
+  if (started()) {
+    result.update = estimator_.add_camera(to_measurement(frame));
+    take_over(result.update, result.timing);
+    Odometry odometry = estimator_.odometry();
+    odometry.stamp_ns = stamp_ns;  // the image's clock, which may be offset from the IMU's
+    status_.status = odometry.status;
+    if (collaborator_) result.advert = keyframe(frame, odometry, result.timing);
+    result.odometry = odometry;
+  }
+  forget_old_imu(stamp_ns);
+  return result;
+}
+
+void Pipeline::start_if_possible(TimeNs stamp_ns) {
+  const TimeNs moment_ns = imu_moment(stamp_ns);
+  std::vector<ImuSample> until_image;
+  for (const ImuSample& sample : recent_imu_) {
+    if (sample.stamp_ns <= moment_ns) until_image.push_back(sample);
+  }
+  const auto start = initialisation_.start_at(moment_ns, until_image);
+  if (const auto* state = std::get_if<InitialState>(&start)) {
+    estimator_.initialize(*state);
+    start_ns_ = stamp_ns;
+  }
+}
+
+// Kept: what the next image's rotation needs, and before the start what the start needs.
+void Pipeline::forget_old_imu(TimeNs stamp_ns) {
+  const double history_s = started() ? 0.0 : 2 * initialisation_.history_s();
+  const TimeNs oldest_ns = imu_moment(stamp_ns) - nanoseconds(history_s);
+  std::size_t first = 0;
+  while (first + 1 < recent_imu_.size() && recent_imu_[first + 1].stamp_ns <= oldest_ns) ++first;
+  recent_imu_.erase(recent_imu_.begin(), recent_imu_.begin() + static_cast<std::ptrdiff_t>(first));
+}
+
+Eigen::Matrix3d Pipeline::predicted_rotation(TimeNs stamp_ns) const {
+  if (!previous_image_ns_) return Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d gyro_bias =
+      started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  const Eigen::Quaterniond q_previous_now =
+      integrate_gyro(recent_imu_, imu_moment(*previous_image_ns_), imu_moment(stamp_ns), gyro_bias);
+  const Eigen::Quaterniond q_imu_cam = estimator_.extrinsics().q_imu_cam;
+  return (q_imu_cam.conjugate() * q_previous_now.conjugate() * q_imu_cam).toRotationMatrix();
+}
+
+std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometry& odometry,
+                                              TimingRecord& timing) {
+  const Eigen::Isometry3d T_world_cam = camera_in_world(odometry.pose, estimator_.extrinsics());
+  const std::vector<LandmarkEstimate> landmarks = estimator_.landmarks();
+  std::optional<PlaceAdvert> advert;
+  bool wanted = false;
+  {
+    const StageTimer timer(timing.place_ms);
+    collaborator_->update_landmarks(landmarks);
+    wanted = odometry.status == FilterStatus::kTracking &&
+             collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam, landmarks);
+  }
+  if (!wanted) return advert;
+  {
+    const StageTimer timer(timing.describe_ms);
+    tracker_.describe(frame, T_world_cam.linear());
+  }
+  const StageTimer timer(timing.place_ms);
+  advert = collaborator_->add_keyframe(frame, T_world_cam, landmarks);
+  ++status_.keyframes;
+  return advert;
+}
+
+std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {
+  if (!collaborator_) return std::nullopt;
+  const StageTimer timer(peer_work_.place_ms);
+  return collaborator_->answer(advert);
+}
+
+PeerOutcome Pipeline::fuse(const PeerKeyframe& message) {
+  if (!collaborator_) return PeerOutcome::kRejected;
+  std::variant<PeerMatches, NoMatch> matched;
+  {
+    const StageTimer timer(peer_work_.match_ms);
+    matched = collaborator_->match(message);
+  }
+  const auto* matches = std::get_if<PeerMatches>(&matched);
+  if (matches == nullptr || !started()) return PeerOutcome::kRejected;
+  const StageTimer timer(peer_work_.peer_ms);
+  const PeerReport report = estimator_.add_peer(*matches);
+  peer_landmarks_.used += report.used;
+  peer_landmarks_.gated += report.gated;
+  peer_landmarks_.unknown_track += report.unknown_track;
+  peer_landmarks_.invalid += report.invalid;
+  peer_landmarks_.uninformative += report.uninformative;
+  if (report.used > 0) return PeerOutcome::kFused;
+  return report.gated > 0 ? PeerOutcome::kGated : PeerOutcome::kRejected;
+}
+
+AgentStatus Pipeline::status() const { return status_; }
+
+std::optional<CollaboratorReport> Pipeline::collaboration() const {
+  if (!collaborator_) return std::nullopt;
+  return collaborator_->report();
+}
+
+}  // namespace covey

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One drone's stages, without threads, files or network: IMU samples, images and what peers sent
+// go in; odometry and what is to be sent come out. Not thread-safe; same input, same output.
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
+
+#include "apps/config_file.h"
+#include "apps/initialisation.h"
+#include "apps/run_files.h"
+#include "estimator/estimator.h"
+#include "frontend/camera.h"
+#include "frontend/collaborator.h"
+#include "frontend/tracker.h"
+
+namespace covey {
+
+// Rotation that takes vectors from the IMU at the later moment to the IMU at the earlier one:
+// q_from_to. Samples outside the interval are left out.
+[[nodiscard]] Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from_ns,
+                                                TimeNs to_ns, const Eigen::Vector3d& gyro_bias);
+
+struct SensorSetup {
+  CameraIntrinsics camera;
+  CameraExtrinsics extrinsics;
+  ImuNoise imu_noise;
+};
+
+struct ImageResult {
+  std::optional<Odometry> odometry;   // once started
+  std::optional<PlaceAdvert> advert;  // at keyframes, when flying together
+  UpdateReport update;
+  std::int64_t tracks_begun = 0;
+  TimingRecord timing;  // without what happens outside: reading, the total
+};
+
+enum class PeerOutcome { kFused, kGated, kRejected };
+
+class Pipeline {
+ public:
+  // Throws std::runtime_error for a configuration that cannot work.
+  Pipeline(const AgentConfig& config, const SensorSetup& sensors, std::optional<GroundTruth> truth);
+
+  // In time order, for each image at least up to one sample past `imu_moment` of it.
+  void add_imu(const ImuSample& sample);
+  [[nodiscard]] TimeNs imu_moment(TimeNs image_stamp_ns) const;
+
+  [[nodiscard]] ImageResult add_image(TimeNs stamp_ns, const cv::Mat& pixels);
+
+  // What peers send; only when flying together.
+  [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
+  PeerOutcome fuse(const PeerKeyframe& message);
+
+  [[nodiscard]] bool started() const { return start_ns_.has_value(); }
+  [[nodiscard]] std::optional<TimeNs> start_ns() const { return start_ns_; }
+  [[nodiscard]] AgentStatus status() const;
+  // Empty when flown alone.
+  [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
+  // Peers' landmarks since the start.
+  [[nodiscard]] const PeerReport& peer_landmarks() const { return peer_landmarks_; }
+
+ private:
+  void start_if_possible(TimeNs stamp_ns);
+  void forget_old_imu(TimeNs stamp_ns);
+  [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
+  [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& odometry,
+                                                    TimingRecord& timing);
+
+  AgentConfig config_;
+  Initialisation initialisation_;
+  Tracker tracker_;
+  Estimator estimator_;
+  std::optional<Collaborator> collaborator_;
+  std::vector<ImuSample> recent_imu_;
+  std::optional<TimeNs> previous_image_ns_, start_ns_;
+  TimingRecord peer_work_;  // since the last image
+  PeerReport peer_landmarks_;
+  AgentStatus status_;
+};
+
+}  // namespace covey

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Recorded motion for the simulator, read with the same strictness as a dataset.
+#pragma once
+
+#include <filesystem>
+
+#include "sim/recorded_flight.h"
+
+namespace covey {
+
+// EuRoC csv files; `imu_csv` may be empty. Throws std::runtime_error naming file and line.
+[[nodiscard]] RecordedFlight read_recorded_flight(const std::filesystem::path& ground_truth_csv,
+                                                  const std::filesystem::path& imu_csv);
+
+}  // namespace covey

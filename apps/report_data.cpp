@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report_data.h"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Reads one part of a run; what is absent or broken is left empty and noted.
+class PartReader {
+ public:
+  PartReader(const fs::path& run, std::vector<std::string>& notes) : run_(run), notes_(notes) {}
+
+  template <typename Read>
+  auto operator()(const fs::path& file, Read read) const -> decltype(read(file)) {
+    try {
+      return read(file);
+    } catch (const std::runtime_error& error) {
+      note(error.what());
+      return {};
+    }
+  }
+
+  template <typename Read>
+  auto if_there(const fs::path& file, Read read) const -> decltype(read(file)) {
+    if (!fs::exists(file)) return {};
+    return (*this)(file, read);
+  }
+
+  // Paths in the page are relative to the run: it may be opened elsewhere.
+  void note(std::string text) const {
+    const std::string prefix = (run_ / "").string();
+    for (auto at = text.find(prefix); at != std::string::npos; at = text.find(prefix)) {
+      text.erase(at, prefix.size());
+    }
+    notes_.push_back(std::move(text));
+  }
+
+ private:
+  const fs::path& run_;
+  std::vector<std::string>& notes_;
+};
+
+// Truth and covariances are only looked at where the estimate is; both may be absent.
+void evaluate(const std::string& name, const PartReader& read, AgentRun& agent) {
+  if (agent.truth.empty()) return;
+  const auto pairs_of = [&](const Trajectory& trajectory) -> std::vector<PosePair> {
+    if (trajectory.empty()) return {};
+    try {
+      return associate(trajectory, agent.truth, AssociationOptions());
+    } catch (const std::runtime_error& error) {
+      read.note(name + ": " + error.what());
+      return {};
+    }
+  };
+  agent.pairs = pairs_of(agent.estimate);
+  agent.alone_pairs = pairs_of(agent.alone);
+  try {
+    if (!agent.pairs.empty()) {
+      agent.accuracy = summarize_accuracy(agent.estimate, agent.truth, agent.covariances);
+    }
+    if (!agent.alone_pairs.empty()) {
+      agent.alone_accuracy = summarize_accuracy(agent.alone, agent.truth, {});
+    }
+  } catch (const std::runtime_error& error) {
+    read.note(name + ": " + error.what());
+  }
+}
+
+AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSummary& summary,
+                    const PartReader& read) {
+  AgentRun agent;
+  agent.name = name;
+  agent.summary = summary;
+  const fs::path folder = run / name;
+  agent.estimate = read(folder / kTrajectoryFile, read_trajectory);
+  agent.alone = read.if_there(run / kSoloFolder / name / kTrajectoryFile, read_trajectory);
+  agent.truth = read.if_there(folder / kGroundTruthFile, read_trajectory);
+  agent.covariances = read.if_there(folder / kCovarianceFile, read_covariances);
+  agent.timings = read(folder / kTimingsFile, read_timings);
+  agent.link = read.if_there(folder / kLinkFile, read_link);
+  if (agent.truth.empty()) read.note(name + ": no ground truth, so no errors are shown");
+  evaluate(name, read, agent);
+  return agent;
+}
+
+void set_span(RunData& data) {
+  TimeNs first_ns = std::numeric_limits<TimeNs>::max();
+  TimeNs last_ns = 0;
+  const auto add = [&](const auto& records) {
+    if (records.empty()) return;
+    first_ns = std::min(first_ns, records.front().stamp_ns);
+    last_ns = std::max(last_ns, records.back().stamp_ns);
+  };
+  for (const AgentRun& agent : data.agents) {
+    add(agent.timings);
+    add(agent.estimate);
+  }
+  if (first_ns > last_ns) return;
+  data.start_ns = first_ns;
+  data.end_ns = last_ns;
+}
+
+// A recorded ground truth may be longer than the flight.
+void cut_truth(RunData& data) {
+  for (AgentRun& agent : data.agents) {
+    Trajectory during;
+    for (const StampedPose& pose : agent.truth) {
+      if (pose.stamp_ns >= data.start_ns && pose.stamp_ns <= data.end_ns) during.push_back(pose);
+    }
+    agent.truth = std::move(during);
+  }
+}
+
+}  // namespace
+
+RunData read_run(const fs::path& run) {
+  RunData data;
+  data.summary = read_run_summary(run / "summary.json");
+  const PartReader read(run, data.notes);
+  for (const auto& [name, summary] : data.summary.agents) {
+    data.agents.push_back(read_agent(run, name, summary, read));
+  }
+  set_span(data);
+  cut_truth(data);
+  return data;
+}
+
+}  // namespace covey

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Everything the report shows of one run, read from its folder. What is missing stays empty and is
+// said in `notes`.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/evaluation.h"
+#include "apps/run_files.h"
+#include "apps/run_summary.h"
+#include "apps/trajectory_file.h"
+
+namespace covey {
+
+struct AgentRun {
+  std::string name;
+  AgentSummary summary;
+  Trajectory estimate;
+  Trajectory alone;  // flown without the others, RUN/solo
+  Trajectory truth;  // during this run only
+  std::vector<StampedCovariance> covariances;
+  std::vector<TimingRecord> timings;
+  std::vector<LinkRecord> link;
+  // The estimates with their truth; empty without one.
+  std::vector<PosePair> pairs;
+  std::vector<PosePair> alone_pairs;
+  std::optional<AccuracySummary> accuracy;
+  std::optional<AccuracySummary> alone_accuracy;
+};
+
+struct RunData {
+  RunSummary summary;
+  std::vector<AgentRun> agents;  // in the order of the summary
+  TimeNs start_ns = 0;           // the first image of any drone: zero of every time axis
+  TimeNs end_ns = 0;
+  std::vector<std::string> notes;
+};
+
+// Throws when there is no summary.json that can be read.
+[[nodiscard]] RunData read_run(const std::filesystem::path& run);
+
+}  // namespace covey

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The figures of the report, as HTML: the tiles at its top and a table for errors, work and link.
+#pragma once
+
+#include <string>
+
+#include "apps/report_data.h"
+
+namespace covey {
+
+// Each is empty when the run has nothing of the kind.
+[[nodiscard]] std::string tiles(const RunData& data);
+[[nodiscard]] std::string error_table(const RunData& data);
+[[nodiscard]] std::string work_table(const RunData& data);
+[[nodiscard]] std::string link_table(const RunData& data);
+
+// A coloured dot and the drone's name.
+[[nodiscard]] std::string drone_label(const RunData& data, std::size_t index);
+
+}  // namespace covey

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/run_files.h"
+
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+namespace covey {
+namespace {
+
+// The columns of both files, in the order they are written.
+struct TimeColumn {
+  const char* name;
+  double TimingRecord::*ms;
+};
+constexpr TimeColumn kTimeColumns[] = {
+    {"read_ms", &TimingRecord::read_ms},           {"thermal_ms", &TimingRecord::thermal_ms},
+    {"track_ms", &TimingRecord::track_ms},         {"describe_ms", &TimingRecord::describe_ms},
+    {"place_ms", &TimingRecord::place_ms},         {"match_ms", &TimingRecord::match_ms},
+    {"propagate_ms", &TimingRecord::propagate_ms}, {"msckf_ms", &TimingRecord::msckf_ms},
+    {"slam_ms", &TimingRecord::slam_ms},           {"peer_ms", &TimingRecord::peer_ms},
+    {"total_ms", &TimingRecord::total_ms},
+};
+
+template <typename Record>
+struct CountColumn {
+  const char* name;
+  std::int64_t Record::*count;
+};
+constexpr CountColumn<TimingRecord> kTimingCounts[] = {
+    {"tracks", &TimingRecord::tracks},           {"slam_features", &TimingRecord::slam_features},
+    {"clones", &TimingRecord::clones},           {"msckf_used", &TimingRecord::msckf_used},
+    {"msckf_gated", &TimingRecord::msckf_gated}, {"slam_used", &TimingRecord::slam_used},
+    {"slam_gated", &TimingRecord::slam_gated},
+};
+constexpr CountColumn<LinkRecord> kLinkCounts[] = {
+    {"requests_sent", &LinkRecord::requests_sent},
+    {"requests_received", &LinkRecord::requests_received},
+    {"messages_sent", &LinkRecord::messages_sent},
+    {"messages_received", &LinkRecord::messages_received},
+    {"fused", &LinkRecord::fused},
+    {"gated", &LinkRecord::gated},
+    {"rejected", &LinkRecord::rejected},
+    {"payload_bytes_sent", &LinkRecord::payload_bytes_sent},
+};
+
+constexpr char kStampColumn[] = "stamp_ns";
+
+std::string timing_header() {
+  std::string header = kStampColumn;
+  for (const TimeColumn& column : kTimeColumns) header += std::string(",") + column.name;
+  for (const auto& column : kTimingCounts) header += std::string(",") + column.name;
+  return header;
+}
+
+std::string link_header() {
+  std::string header = kStampColumn;
+  for (const auto& column : kLinkCounts) header += std::string(",") + column.name;
+  return header;
+}
+
+// Where each named column is; found once, in the header line.
+class Header {
+ public:
+  explicit Header(CsvReader& reader) : reader_(reader) {
+    if (!reader.next()) reader.fail("the header line with the names of the columns is missing");
+    for (std::size_t i = 0; i < reader.columns(); ++i) names_.emplace_back(reader.text(i));
+  }
+
+  [[nodiscard]] std::size_t column(std::string_view name) const {
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (names_[i] == name) return i;
+    }
+    reader_.fail("column '" + std::string(name) + "' is missing");
+  }
+
+  // The next line, with a field for each name.
+  [[nodiscard]] bool next() {
+    if (!reader_.next()) return false;
+    reader_.require_columns(names_.size(), "as the header line says");
+    return true;
+  }
+
+ private:
+  CsvReader& reader_;
+  std::vector<std::string> names_;
+};
+
+template <typename Record, std::size_t N>
+std::vector<std::size_t> columns_of(const Header& header, const CountColumn<Record> (&counts)[N]) {
+  std::vector<std::size_t> columns;
+  for (const auto& count : counts) columns.push_back(header.column(count.name));
+  return columns;
+}
+
+}  // namespace
+
+OdometryWriter::OdometryWriter(const std::filesystem::path& folder)
+    : trajectory_(folder / kTrajectoryFile, kTumHeader),
+      covariance_(folder / kCovarianceFile, kCovarianceHeader) {}
+
+void OdometryWriter::write(const Odometry& odometry) {
+  trajectory_.write_line(tum_line({odometry.stamp_ns, odometry.pose}));
+  covariance_.write_line(covariance_line({odometry.stamp_ns, odometry.pose_covariance}));
+}
+
+void OdometryWriter::close() {
+  trajectory_.close();
+  covariance_.close();
+}
+
+TimingWriter::TimingWriter(const std::filesystem::path& folder)
+    : file_(folder / kTimingsFile, timing_header()) {}
+
+void TimingWriter::write(const TimingRecord& record) {
+  std::string line = std::to_string(record.stamp_ns);
+  char field[32];
+  for (const TimeColumn& column : kTimeColumns) {
+    std::snprintf(field, sizeof field, ",%.4f", record.*column.ms);
+    line += field;
+  }
+  for (const auto& column : kTimingCounts) line += "," + std::to_string(record.*column.count);
+  file_.write_line(line);
+}
+
+void TimingWriter::close() { file_.close(); }
+
+LinkWriter::LinkWriter(const std::filesystem::path& folder)
+    : file_(folder / kLinkFile, link_header()) {}
+
+void LinkWriter::write(const LinkRecord& record) {
+  std::string line = std::to_string(record.stamp_ns);
+  for (const auto& column : kLinkCounts) line += "," + std::to_string(record.*column.count);
+  file_.write_line(line);
+}
+
+void LinkWriter::close() { file_.close(); }
+
+std::vector<TimingRecord> read_timings(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  Header header(reader);
+  const std::size_t stamp = header.column(kStampColumn);
+  std::vector<std::size_t> times;
+  for (const TimeColumn& column : kTimeColumns) times.push_back(header.column(column.name));
+  const std::vector<std::size_t> counts = columns_of(header, kTimingCounts);
+  std::vector<TimingRecord> records;
+  while (header.next()) {
+    TimingRecord& record = records.emplace_back();
+    record.stamp_ns = reader.stamp_from_nanoseconds(stamp);
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      record.*kTimeColumns[i].ms = reader.number(times[i]);
+    }
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      record.*kTimingCounts[i].count = reader.integer(counts[i]);
+    }
+  }
+  return records;
+}
+
+std::vector<LinkRecord> read_link(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  Header header(reader);
+  const std::size_t stamp = header.column(kStampColumn);
+  const std::vector<std::size_t> counts = columns_of(header, kLinkCounts);
+  std::vector<LinkRecord> records;
+  while (header.next()) {
+    LinkRecord& record = records.emplace_back();
+    record.stamp_ns = reader.stamp_from_nanoseconds(stamp);
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      record.*kLinkCounts[i].count = reader.integer(counts[i]);
+    }
+  }
+  return records;
+}
+
+}  // namespace covey

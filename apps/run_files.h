@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What one drone leaves in RUN/<agent>/ besides the summary, one writer and one reader for each
+// file:
+//
+//   trajectory.tum             t x y z qx qy qz qw; the IMU in the world at every image after start
+//   trajectory_covariance.csv  stamp_ns and the upper triangle of the 6x6 covariance of [dp dtheta]
+//   groundtruth.tum            the drone's ground truth, if its dataset has one (write_tum)
+//   timings.csv                one line per image: time of each stage, counts
+//   link.csv                   one line per image or second: what went over the link so far
+//
+// A run with a reference flown alone keeps that in RUN/solo/<agent>/, in the same files.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "apps/csv.h"
+#include "apps/trajectory_file.h"
+#include "estimator/measurements.h"
+
+namespace covey {
+
+inline constexpr char kTrajectoryFile[] = "trajectory.tum";
+inline constexpr char kCovarianceFile[] = "trajectory_covariance.csv";
+inline constexpr char kGroundTruthFile[] = "groundtruth.tum";
+inline constexpr char kTimingsFile[] = "timings.csv";
+inline constexpr char kLinkFile[] = "link.csv";
+inline constexpr char kSoloFolder[] = "solo";
+
+// One image: milliseconds of CPU time per stage, then counts.
+struct TimingRecord {
+  TimeNs stamp_ns = 0;
+  double read_ms = 0, thermal_ms = 0, track_ms = 0, describe_ms = 0, place_ms = 0, match_ms = 0;
+  double propagate_ms = 0, msckf_ms = 0, slam_ms = 0, peer_ms = 0, total_ms = 0;
+  std::int64_t tracks = 0, slam_features = 0, clones = 0;
+  std::int64_t msckf_used = 0, msckf_gated = 0, slam_used = 0, slam_gated = 0;
+};
+
+// Totals since the start.
+struct LinkRecord {
+  TimeNs stamp_ns = 0;
+  std::int64_t requests_sent = 0, requests_received = 0;
+  std::int64_t messages_sent = 0, messages_received = 0;
+  std::int64_t fused = 0, gated = 0, rejected = 0;
+  std::int64_t payload_bytes_sent = 0;
+};
+
+// trajectory.tum and trajectory_covariance.csv of one drone, in `folder`.
+class OdometryWriter {
+ public:
+  explicit OdometryWriter(const std::filesystem::path& folder);
+  void write(const Odometry& odometry);
+  void close();
+
+ private:
+  LineWriter trajectory_;
+  LineWriter covariance_;
+};
+
+class TimingWriter {
+ public:
+  explicit TimingWriter(const std::filesystem::path& folder);
+  void write(const TimingRecord& record);
+  void close();
+
+ private:
+  LineWriter file_;
+};
+
+class LinkWriter {
+ public:
+  explicit LinkWriter(const std::filesystem::path& folder);
+  void write(const LinkRecord& record);
+  void close();
+
+ private:
+  LineWriter file_;
+};
+
+// Columns are found by their names in the header line; a missing one is an error that names it.
+[[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
+[[nodiscard]] std::vector<LinkRecord> read_link(const std::filesystem::path& file);
+
+}  // namespace covey

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// summary.json: the figures of one run, for people and scripts. Schema 1. A figure that does not
+// apply is null there and empty here.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/evaluation.h"
+#include "apps/run_files.h"
+#include "apps/trajectory_file.h"
+
+namespace covey {
+
+struct AteSummary {
+  double rmse = 0, mean = 0, std = 0;  // m
+  std::optional<double> scale;         // sim3 only
+};
+
+struct AccuracySummary {
+  AteSummary none, posyaw, se3, sim3;
+  double rotation_none_deg = 0, rotation_posyaw_deg = 0, rotation_se3_deg = 0;  // rmse
+  std::optional<double> nees_position, nees_orientation;
+};
+
+// Means per frame, ms. Empty: the stage did not run.
+struct StageSummary {
+  std::optional<double> thermal, track, describe, place, match, propagate, msckf, slam, peer;
+};
+
+struct RequestSummary {
+  std::int64_t sent = 0, received = 0, payload_bytes_sent = 0;
+};
+
+struct MessageSummary {
+  std::int64_t sent = 0, received = 0, payload_bytes_sent = 0;
+  std::int64_t fused = 0, gated = 0, rejected = 0;
+};
+
+struct LinkSummary {
+  RequestSummary request;
+  MessageSummary message;
+  std::optional<std::int64_t> wire_bytes_sent, wire_bytes_received;
+};
+
+struct AgentSummary {
+  std::int64_t frames = 0, frames_dropped = 0;
+  std::optional<double> initialised_after_s;
+  std::optional<double> distance_m;         // of the truth, or of the estimate without one
+  std::optional<AccuracySummary> accuracy;  // empty without ground truth
+  std::optional<double> cpu_ms_per_frame, max_rss_mib, max_cpu_percent;
+  StageSummary stage_ms;
+  std::optional<double> mean_tracks_per_frame, mean_track_length;
+  std::optional<LinkSummary> link;  // empty when flown alone
+  // Why the flight ended before the recording did; the key exists only then.
+  std::optional<std::string> incomplete;
+};
+
+struct RunSummary {
+  std::string dataset;
+  std::string mode;                     // "collaborative" or "solo"
+  std::optional<std::string> exchange;  // "compact", "paper" or "naive"; empty when solo
+  std::string init;                     // "static" or "groundtruth"
+  std::optional<double> real_time_factor;
+  std::map<std::string, AgentSummary> agents;
+};
+
+[[nodiscard]] nlohmann::json to_json(const AgentSummary& agent);
+[[nodiscard]] nlohmann::json to_json(const RunSummary& run);
+// `where` names the source in errors: a missing key, or one of another type, is an error.
+[[nodiscard]] AgentSummary agent_summary_from_json(const nlohmann::json& json,
+                                                   const std::string& where);
+[[nodiscard]] RunSummary run_summary_from_json(const nlohmann::json& json,
+                                               const std::string& where);
+
+// Written beside and renamed: a reader sees the old file or the new one, never half of one.
+void write_json_file(const std::filesystem::path& file, const nlohmann::json& json);
+[[nodiscard]] nlohmann::json read_json_file(const std::filesystem::path& file);
+void write_run_summary(const std::filesystem::path& file, const RunSummary& run);
+[[nodiscard]] RunSummary read_run_summary(const std::filesystem::path& file);
+
+// Every figure that follows from an estimate and its ground truth. Throws when they do not overlap.
+[[nodiscard]] AccuracySummary summarize_accuracy(const Trajectory& estimate,
+                                                 const Trajectory& truth,
+                                                 const std::vector<StampedCovariance>& covariances);
+// Means of the stages that took any time at all.
+[[nodiscard]] StageSummary summarize_stages(const std::vector<TimingRecord>& timings);
+
+}  // namespace covey

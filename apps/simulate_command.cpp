@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate_command.h"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <condition_variable>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "apps/png_file.h"
+#include "apps/recorded_flight.h"
+#include "apps/stop_signal.h"
+#include "sim/dataset_writer.h"
+#include "sim/simulation.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string scenario;
+  std::string out;
+  SimulationRequest request;
+  std::vector<std::string> trajectories;
+  std::vector<std::string> imus;
+  bool raw16 = false;
+  bool force = false;
+};
+
+// A bar on a terminal, a line now and then in a log file.
+class Progress {
+ public:
+  explicit Progress(std::size_t total)
+      : total_(total), terminal_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
+
+  void show(std::size_t done) {
+    const double elapsed_s = std::chrono::duration<double>(Clock::now() - start_).count();
+    const double every_s = terminal_ ? 0.2 : 5.0;
+    if (elapsed_s < next_s_ && done < total_) return;
+    next_s_ = elapsed_s + every_s;
+    const double share = static_cast<double>(done) / static_cast<double>(total_);
+    const double left_s = done > 0 ? elapsed_s * (1 / share - 1) : 0;
+    const std::string left = done > 0 ? std::to_string(std::lround(left_s)) + " s left" : "";
+    constexpr int kWidth = 30;
+    const std::string bar(static_cast<std::size_t>(kWidth * share), '#');
+    if (terminal_)
+      std::fprintf(stderr, "\r[%-*s] %zu/%zu images %-12s", kWidth, bar.c_str(), done, total_,
+                   left.c_str());
+    else
+      std::fprintf(stderr, "%zu/%zu images %s\n", done, total_, left.c_str());
+    if (terminal_ && done == total_) std::fputc('\n', stderr);
+  }
+
+ private:
+  std::size_t total_;
+  bool terminal_;
+  Clock::time_point start_;
+  double next_s_ = 0;
+};
+
+void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
+                 const std::atomic<bool>& stop, std::atomic<std::size_t>& images_done) {
+  const CameraDescription camera = drone.camera();
+  const DroneSimulation::Plan& plan = drone.plan();
+  write_camera_file(mav0 / "cam0" / "sensor.yaml", camera);
+  write_imu_file(mav0 / "imu0" / "sensor.yaml", plan.imu_noise, 200, plan.imu_comment);
+  write_imu_csv(mav0 / "imu0" / "data.csv", plan.imu.samples);
+  write_ground_truth_csv(mav0 / "state_groundtruth_estimate0" / "data.csv", drone.true_states());
+
+  ImageList list(mav0 / "cam0");
+  std::optional<ImageList> raw_list;
+  if (raw16 && plan.thermal) {
+    write_camera_file(mav0 / "cam0raw16" / "sensor.yaml", camera);
+    raw_list.emplace(mav0 / "cam0raw16");
+  }
+  for (const TimeNs stamp_ns : drone.image_stamps()) {
+    if (stop) return;
+    const SimulatedImage image = drone.next_image();
+    write_png(list.add(stamp_ns).string(), image.grey);
+    if (raw_list) write_png(raw_list->add(stamp_ns).string(), image.raw16);
+    ++images_done;
+  }
+  list.close();
+  if (raw_list) raw_list->close();
+}
+
+// Renders the drones on a few threads, one drone at a time on each; the result does not depend on
+// how they take turns.
+class RenderingCrew {
+ public:
+  RenderingCrew(std::vector<DroneSimulation>& drones, const fs::path& folder, bool raw16)
+      : drones_(drones), folder_(folder), raw16_(raw16) {
+    constexpr std::size_t kMostThreads = 2;
+    const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
+    working_ = std::min({drones.size(), cores, kMostThreads});
+    for (std::size_t i = 0; i < working_; ++i) threads_.emplace_back([this] { work(); });
+  }
+  ~RenderingCrew() {
+    stop_ = true;
+    for (std::thread& thread : threads_) thread.join();
+  }
+  RenderingCrew(const RenderingCrew&) = delete;
+  RenderingCrew& operator=(const RenderingCrew&) = delete;
+
+  // Returns when all is rendered; throws what went wrong.
+  void wait(Progress& progress) {
+    std::unique_lock lock(mutex_);
+    while (working_ > 0 && !failure_ && !stop_requested()) {
+      progress.show(images_done_);
+      finished_.wait_for(lock, std::chrono::milliseconds(100));
+    }
+    if (failure_) std::rethrow_exception(failure_);
+    if (stop_requested())
+      throw std::runtime_error("simulate: interrupted, nothing has been written");
+    progress.show(images_done_);
+  }
+
+ private:
+  void work() {
+    try {
+      for (std::size_t i = next_drone_++; i < drones_.size() && !stop_; i = next_drone_++)
+        write_drone(folder_ / drones_[i].name() / "mav0", drones_[i], raw16_, stop_, images_done_);
+    } catch (...) {
+      const std::lock_guard lock(mutex_);
+      failure_ = std::current_exception();
+    }
+    const std::lock_guard lock(mutex_);
+    --working_;
+    finished_.notify_one();
+  }
+
+  std::vector<DroneSimulation>& drones_;
+  const fs::path& folder_;
+  bool raw16_;
+  std::mutex mutex_;
+  std::condition_variable finished_;
+  std::size_t working_ = 0;     // guarded by mutex_
+  std::exception_ptr failure_;  // guarded by mutex_
+  std::atomic<bool> stop_{false};
+  std::atomic<std::size_t> next_drone_{0}, images_done_{0};
+  std::vector<std::thread> threads_;
+};
+
+void read_recordings(Options& options) {
+  if (!options.imus.empty() && options.imus.size() != options.trajectories.size())
+    throw std::runtime_error("simulate: --imu needs one file for each --trajectory");
+  for (std::size_t i = 0; i < options.trajectories.size(); ++i)
+    options.request.recorded.push_back(read_recorded_flight(
+        options.trajectories[i], options.imus.empty() ? std::string() : options.imus[i]));
+}
+
+void simulate(Options options) {
+  options.request.scenario = *scenario_from_name(options.scenario);
+  if (options.raw16 && options.request.scenario != Scenario::kMarsYard)
+    throw std::runtime_error("simulate: --raw16 is for thermal cameras: use it with mars_yard");
+  catch_stop_signals();
+  StagedFolder folder(options.out, options.force);
+  read_recordings(options);
+  std::vector<DroneSimulation> drones = make_simulation(options.request);
+
+  std::size_t images = 0;
+  for (const DroneSimulation& drone : drones) images += drone.image_stamps().size();
+  const Clock::time_point start = Clock::now();
+  {
+    Progress progress(images);
+    RenderingCrew crew(drones, folder.path(), options.raw16);
+    crew.wait(progress);
+  }
+  folder.commit();
+  const double elapsed_s = std::chrono::duration<double>(Clock::now() - start).count();
+  std::printf("%s: %zu drones, %zu images in %.0f s\n", options.out.c_str(), drones.size(), images,
+              elapsed_s);
+}
+
+}  // namespace
+
+void add_simulate_command(CLI::App& covey) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = covey.add_subcommand("simulate", "Render a scenario into EuRoC folders");
+  command->footer(
+      "Example: covey simulate castle_parallel --out data/castle --seed 3\n"
+      "         covey simulate room --trajectory MH_04.csv V2_01.csv --seconds 28 --out data/room");
+  SimulationRequest& request = options->request;
+  command->add_option("scenario", options->scenario, "Where and what the drones fly")
+      ->required()
+      ->check(CLI::IsMember({"castle_around", "castle_parallel", "mars_yard", "room"}));
+  command->add_option("--out", options->out, "Folder to write; must not exist yet")->required();
+  command->add_option("--seed", request.seed, "Another number, another world and flight")
+      ->capture_default_str();
+  command->add_option("--agents", request.agents, "Number of drones (default: the scenario's)")
+      ->check(CLI::Range(1, 64));
+  command->add_option("--seconds", request.duration_s, "Length (default: the scenario's)")
+      ->check(CLI::Range(1.0, 3600.0));
+  command->add_option("--rate", request.camera_rate_hz, "Images per second")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 200.0));
+  command->add_option("--trajectory", options->trajectories,
+                      "Recorded motion to fly, EuRoC csv, one for each drone (room)");
+  command->add_option("--imu", options->imus,
+                      "Recorded IMU that belongs to it, EuRoC csv, one for each --trajectory");
+  command->add_flag("--raw16", options->raw16, "Write 16-bit thermal images as well (cam0raw16)");
+  command->add_flag("--shutter", request.shutter_events,
+                    "Thermal cameras close their shutter now and then");
+  command->add_flag("--force", options->force, "Replace the folder if it exists");
+  command->callback([options] { simulate(*options); });
+}
+
+}  // namespace covey

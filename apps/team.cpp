@@ -1,0 +1,350 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/team.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "apps/agent.h"
+#include "apps/child_process.h"
+#include "apps/free_domain.h"
+#include "apps/process_usage.h"
+#include "apps/stop_signal.h"
+
+namespace covey {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kMeetPatience{30'000};
+constexpr milliseconds kMessagePatience{20'000};  // for what living drones sent
+constexpr milliseconds kOrphanPatience{500};      // when one has died with messages on the way
+constexpr milliseconds kFinishPatience{20'000};
+
+// One drone as its team sees it.
+struct Member {
+  Member(std::string drone, ChildProcess started)
+      : name(std::move(drone)), process(std::move(started)) {}
+
+  std::string name;
+  ChildProcess process;
+  bool alive = true;
+  bool replied = false;  // to what was asked last
+  ReadyReply ready;
+  AdvancedReply sent;  // so far
+  ArrivalCounts expected, arrived, written_off;
+};
+
+AgentConfig write_agent_config(const TeamOptions& options, const DroneFolder& drone, int domain) {
+  AgentConfig config = agent_config(options, drone, domain);
+  std::filesystem::create_directories(config.agent.out);
+  const auto file = std::filesystem::path(config.agent.out) / kAgentConfigFile;
+  std::ofstream stream(file);
+  stream << print_config(config);
+  if (!stream.flush()) throw std::runtime_error(file.string() + ": cannot be written");
+  return config;
+}
+
+ChildProcess start_agent(const AgentConfig& config) {
+  const auto file = std::filesystem::path(config.agent.out) / kAgentConfigFile;
+  return ChildProcess::start_self(
+      {"covey", "agent", "--config", file.string(), "--control-fd", kControlFdPlaceholder});
+}
+
+class TeamFlight {
+ public:
+  TeamFlight(const TeamOptions& options,
+             const std::function<void(const FlightProgress&)>& on_progress)
+      : options_(options), on_progress_(on_progress) {}
+
+  FlightResult run() {
+    start();
+    if (!stop_requested()) meet();
+    start_ms_ = steady_ms();
+    if (options_.mode == FlightMode::kCollaborative && options_.pace == Pace::kLockstep) {
+      fly_in_lockstep();
+    } else {
+      fly_freely();
+    }
+    result_.elapsed_s = (steady_ms() - start_ms_) * 1e-3;
+    result_.recorded_s = seconds_between(first_ns_, reached_ns());
+    end_all();
+    return result_;
+  }
+
+ private:
+  void start();
+  void meet();
+  void fly_in_lockstep();
+  void fly_freely();
+  void receive();
+  void advance(TimeNs until_ns);
+  void end_all();
+
+  [[nodiscard]] ArrivalCounts sent_to(const Member& receiver) const;
+  void ask(Member& member, const Command& command);
+  // Until all who were asked have replied, are dead, or a stop is wanted.
+  void await_replies();
+  void take_replies(Member& member);
+  void accept(Member& member, const Reply& reply);
+  void bury(Member& member);
+  void show_progress();
+  [[nodiscard]] TimeNs reached_ns() const;
+  [[nodiscard]] bool any_alive() const;
+  [[nodiscard]] bool waits_for_any() const;
+
+  const TeamOptions& options_;
+  const std::function<void(const FlightProgress&)>& on_progress_;
+  FreeDomain domain_;
+  std::vector<Member> members_;
+  TimeNs first_ns_ = 0, last_ns_ = 0;
+  double start_ms_ = 0;
+  bool starting_ = true;
+  FlightResult result_;
+};
+
+void TeamFlight::start() {
+  for (const DroneFolder& drone : options_.drones) {
+    const AgentConfig config = write_agent_config(options_, drone, domain_.id());
+    members_.emplace_back(drone.name, start_agent(config));
+  }
+  await_replies();
+  if (stop_requested()) return;
+  first_ns_ = members_.front().ready.first_ns;
+  for (const Member& member : members_) {
+    first_ns_ = std::min(first_ns_, member.ready.first_ns);
+    last_ns_ = std::max(last_ns_, member.ready.last_ns);
+  }
+}
+
+void TeamFlight::meet() {
+  if (options_.mode == FlightMode::kSolo) {
+    starting_ = false;
+    return;
+  }
+  for (Member& member : members_) {
+    MeetCommand command;
+    command.patience_ms = static_cast<int>(kMeetPatience.count());
+    for (const Member& other : members_) {
+      if (other.name != member.name) command.peers.push_back(other.name);
+    }
+    ask(member, command);
+  }
+  await_replies();
+  starting_ = false;
+}
+
+void TeamFlight::fly_in_lockstep() {
+  double step_s = members_.front().ready.image_period_s;
+  for (const Member& member : members_) step_s = std::min(step_s, member.ready.image_period_s);
+  show_progress();
+  const TimeNs step_ns = std::max<TimeNs>(nanoseconds(step_s), 1'000'000);
+  for (TimeNs now_ns = first_ns_; any_alive() && !stop_requested(); now_ns += step_ns) {
+    receive();
+    advance(now_ns);
+    show_progress();
+    if (now_ns >= last_ns_) break;
+  }
+  if (stop_requested()) return;
+  for (Member& member : members_) {
+    if (member.alive) member.process.channel().send(encode(FinishCommand{}));
+  }
+}
+
+// What earlier steps sent arrives before anything new is sent.
+void TeamFlight::receive() {
+  for (Member& member : members_) {
+    const ArrivalCounts expected = sent_to(member);
+    const bool news = expected.requests > member.expected.requests ||
+                      expected.messages > member.expected.messages;
+    if (!member.alive || !news) continue;
+    member.expected = expected;
+    ReceiveCommand command;
+    command.expected = expected;
+    const auto patience = result_.ended_early.empty() ? kMessagePatience : kOrphanPatience;
+    command.patience_ms = static_cast<int>(patience.count());
+    ask(member, command);
+  }
+  await_replies();
+  // What did not come will not come: its sender has died.
+  for (Member& member : members_) {
+    const auto missing = [](std::uint64_t& off, std::uint64_t& wanted, std::uint64_t got) {
+      if (got >= wanted) return;
+      off += wanted - got;
+      wanted = got;
+    };
+    missing(member.written_off.requests, member.expected.requests, member.arrived.requests);
+    missing(member.written_off.messages, member.expected.messages, member.arrived.messages);
+  }
+}
+
+void TeamFlight::advance(TimeNs until_ns) {
+  for (Member& member : members_) {
+    if (member.alive) ask(member, AdvanceCommand{until_ns});
+  }
+  await_replies();
+}
+
+// At its own speed, or by the clock: the agents end by themselves.
+void TeamFlight::fly_freely() {
+  for (Member& member : members_) {
+    if (member.alive) member.process.channel().send(encode(GoCommand{start_ms_, first_ns_}));
+  }
+  while (any_alive() && !stop_requested()) {
+    std::vector<const LineChannel*> channels;
+    for (Member& member : members_) {
+      if (!member.alive) continue;
+      take_replies(member);
+      channels.push_back(&member.process.channel());
+    }
+    show_progress();
+    if (any_alive()) LineChannel::wait(channels, milliseconds(200));
+  }
+}
+
+void TeamFlight::end_all() {
+  result_.interrupted = stop_requested();
+  if (result_.interrupted) {
+    for (Member& member : members_) member.process.terminate();
+  }
+  for (Member& member : members_) {
+    if (!member.process.ended(kFinishPatience)) {
+      member.process.kill();
+      result_.ended_early.emplace(member.name, "did not end when asked to, and was killed");
+    } else if (member.alive) {
+      bury(member);
+    }
+  }
+}
+
+// By all the others, dead or alive, since the start.
+ArrivalCounts TeamFlight::sent_to(const Member& receiver) const {
+  ArrivalCounts sent;
+  for (const Member& member : members_) {
+    if (member.name == receiver.name) continue;
+    sent.requests += member.sent.requests_sent;
+    const auto messages = member.sent.messages_sent_to.find(receiver.name);
+    if (messages != member.sent.messages_sent_to.end()) sent.messages += messages->second;
+  }
+  sent.requests -= std::min(sent.requests, receiver.written_off.requests);
+  sent.messages -= std::min(sent.messages, receiver.written_off.messages);
+  return sent;
+}
+
+void TeamFlight::ask(Member& member, const Command& command) {
+  member.replied = false;
+  member.process.channel().send(encode(command));  // a dead one is noticed when it does not reply
+}
+
+void TeamFlight::await_replies() {
+  while (waits_for_any() && !stop_requested()) {
+    std::vector<const LineChannel*> channels;
+    for (Member& member : members_) {
+      if (!member.alive || member.replied) continue;
+      take_replies(member);
+      if (member.alive && !member.replied) channels.push_back(&member.process.channel());
+    }
+    if (!channels.empty()) LineChannel::wait(channels, milliseconds(200));
+  }
+}
+
+void TeamFlight::take_replies(Member& member) {
+  while (const auto line = member.process.channel().take_line()) {
+    accept(member, decode_reply(*line));
+  }
+  if (member.process.channel().closed()) bury(member);
+}
+
+void TeamFlight::accept(Member& member, const Reply& reply) {
+  member.replied = true;
+  if (const auto* ready = std::get_if<ReadyReply>(&reply)) {
+    member.ready = *ready;
+    member.sent.reached_ns = ready->first_ns;
+  } else if (const auto* received = std::get_if<ReceivedReply>(&reply)) {
+    member.arrived = received->arrived;
+  } else if (const auto* advanced = std::get_if<AdvancedReply>(&reply)) {
+    member.sent = *advanced;
+    member.replied = advanced->done;
+  }
+}
+
+// Its process has ended or is about to.
+void TeamFlight::bury(Member& member) {
+  member.alive = false;
+  const std::optional<std::string> end = member.process.ended(kFinishPatience);
+  const std::string why = end.value_or("hangs");
+  if (starting_ && !stop_requested()) {
+    throw std::runtime_error(member.name + " could not start: its process " +
+                             (why.empty() ? "ended" : why));
+  }
+  // After a stop all of them end early: that is no news.
+  if (!why.empty() && !stop_requested()) result_.ended_early.emplace(member.name, why);
+}
+
+void TeamFlight::show_progress() {
+  FlightProgress progress;
+  progress.total_s = seconds_between(first_ns_, last_ns_);
+  progress.flown_s = seconds_between(first_ns_, reached_ns());
+  progress.elapsed_s = (steady_ms() - start_ms_) * 1e-3;
+  on_progress_(progress);
+}
+
+// By the slowest of those that fly.
+TimeNs TeamFlight::reached_ns() const {
+  TimeNs slowest_ns = last_ns_;
+  for (const Member& member : members_) {
+    if (!member.alive) continue;
+    const TimeNs reached_ns = std::max(first_ns_, member.sent.reached_ns);
+    // One that has flown all it has does not hold up the others.
+    if (reached_ns < member.ready.last_ns) slowest_ns = std::min(slowest_ns, reached_ns);
+  }
+  return slowest_ns;
+}
+
+bool TeamFlight::any_alive() const {
+  return std::any_of(members_.begin(), members_.end(), [](const Member& m) { return m.alive; });
+}
+
+bool TeamFlight::waits_for_any() const {
+  return std::any_of(members_.begin(), members_.end(),
+                     [](const Member& m) { return m.alive && !m.replied; });
+}
+
+}  // namespace
+
+AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, int domain) {
+  AgentConfig config;
+  merge_config(options.config, options.config_name, config);
+  config.agent.name = drone.name;
+  config.agent.dataset = std::filesystem::absolute(drone.mav0).string();
+  config.agent.out = (std::filesystem::absolute(options.out) / drone.name).string();
+  config.agent.mode = options.mode;
+  config.agent.pace = options.pace;
+  // Alone, nothing depends on how fast the others are.
+  if (options.pace == Pace::kLockstep && options.mode == FlightMode::kSolo) {
+    config.agent.pace = Pace::kMax;
+  }
+  config.agent.real_time_factor = options.real_time_factor;
+  config.initialisation.method = options.init;
+  config.link.team = "team" + std::to_string(getpid());
+  config.link.domain = domain;
+  config.link.loopback_only = true;
+  config.link.max_agents =
+      std::max(config.link.max_agents, static_cast<int>(options.drones.size()));
+  config.link.profile =
+      options.pace == Pace::kLockstep ? LinkProfile::kLockstep : LinkProfile::kRadio;
+  return config;
+}
+
+FlightResult fly_team(const TeamOptions& options,
+                      const std::function<void(const FlightProgress&)>& on_progress) {
+  return TeamFlight(options, on_progress).run();
+}
+
+}  // namespace covey

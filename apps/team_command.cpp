@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/team_command.h"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "apps/agent.h"
+#include "apps/process_usage.h"
+#include "apps/report.h"
+#include "apps/stop_signal.h"
+#include "apps/team.h"
+#include "apps/team_summary.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string dataset, out, config_file;
+  std::string mode = "collaborative", exchange = "compact", init = "auto", pace = "lockstep";
+  std::vector<std::string> agents;
+  bool force = false, with_solo = false;
+};
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string line;
+  for (const std::string& word : words) line += (line.empty() ? "" : ", ") + word;
+  return line;
+}
+
+std::vector<DroneFolder> chosen_drones(const Options& options) {
+  const std::vector<DroneFolder> all = find_drones(options.dataset);
+  if (options.agents.empty()) return all;
+  std::vector<DroneFolder> chosen;
+  for (const DroneFolder& drone : all) {
+    if (std::find(options.agents.begin(), options.agents.end(), drone.name) !=
+        options.agents.end()) {
+      chosen.push_back(drone);
+    }
+  }
+  for (const std::string& name : options.agents) {
+    const auto known = [&name](const DroneFolder& drone) { return drone.name == name; };
+    if (std::none_of(all.begin(), all.end(), known)) {
+      std::vector<std::string> names;
+      names.reserve(all.size());
+      for (const DroneFolder& drone : all) names.push_back(drone.name);
+      throw std::runtime_error("no drone '" + name + "' in " + options.dataset + " (there are " +
+                               joined(names) + ")");
+    }
+  }
+  return chosen;
+}
+
+InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>& drones) {
+  if (init == "static") return InitMethod::kStatic;
+  if (init == "groundtruth") return InitMethod::kGroundTruth;
+  const bool all_known = std::all_of(drones.begin(), drones.end(), [](const DroneFolder& drone) {
+    return fs::exists(drone.mav0 / "state_groundtruth_estimate0" / "data.csv");
+  });
+  return all_known ? InitMethod::kGroundTruth : InitMethod::kStatic;
+}
+
+void choose_pace(const std::string& pace, TeamOptions& team) {
+  if (pace == "lockstep") return;
+  char* end = nullptr;
+  const double rate = std::strtod(pace.c_str(), &end);
+  if (pace.empty() || *end != '\0' || !(rate >= 0.01 && rate <= 100)) {
+    throw CLI::ValidationError("--pace",
+                               "'" + pace + "' is neither lockstep nor a rate from 0.01 to 100");
+  }
+  team.pace = Pace::kRate;
+  team.real_time_factor = rate;
+}
+
+std::string dataset_name(const fs::path& dataset) {
+  fs::path path = fs::absolute(dataset).lexically_normal();
+  if (!path.has_filename()) path = path.parent_path();
+  return path.filename().string();
+}
+
+fs::path default_run(const Options& options) {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  char stamp[32];
+  std::strftime(stamp, sizeof(stamp), "%Y%m%d-%H%M%S", &local);
+  return fs::path("runs") / (dataset_name(options.dataset) + "-" + options.mode + "-" + stamp);
+}
+
+// Only what an earlier run wrote is taken away.
+void clear_run(const fs::path& run) {
+  fs::remove(run / "summary.json");
+  fs::remove(run / "report.html");
+  for (const auto& entry : fs::directory_iterator(run)) {
+    if (!entry.is_directory() || !fs::exists(entry.path() / kAgentConfigFile)) continue;
+    for (const char* name : {kTrajectoryFile, kCovarianceFile, kGroundTruthFile, kTimingsFile,
+                             kLinkFile, kAgentConfigFile, kAgentSummaryFile}) {
+      fs::remove(entry.path() / name);
+    }
+    if (fs::is_empty(entry.path())) fs::remove(entry.path());
+  }
+}
+
+void prepare_run(const fs::path& run, bool force) {
+  if (fs::exists(run) && !fs::is_directory(run)) {
+    throw std::runtime_error(run.string() + " is not a folder");
+  }
+  if (fs::exists(run) && !fs::is_empty(run)) {
+    if (!force) {
+      throw std::runtime_error(run.string() +
+                               " is not empty: choose another folder, or --force to replace it");
+    }
+    clear_run(run);
+    const fs::path solo = run / kSoloFolder;
+    if (fs::is_directory(solo)) {
+      clear_run(solo);
+      if (fs::is_empty(solo)) fs::remove(solo);
+    }
+  }
+  fs::create_directories(run);
+}
+
+TeamOptions team_options(const Options& options) {
+  TeamOptions team;
+  team.drones = chosen_drones(options);
+  team.out = options.out.empty() ? default_run(options) : fs::path(options.out);
+  team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
+  team.init = chosen_start(options.init, team.drones);
+  choose_pace(options.pace, team);
+  if (!options.config_file.empty()) {
+    team.config = parse_config_file(options.config_file);
+    team.config_name = options.config_file;
+  }
+  // A mistake in the settings shows now, before anything is started.
+  (void)agent_config(team, team.drones.front(), 0);
+  return team;
+}
+
+// Nothing before there is anything to judge by.
+std::string time_left(const FlightProgress& progress) {
+  if (progress.flown_s <= 0) return "";
+  const double left_s =
+      progress.elapsed_s * (progress.total_s - progress.flown_s) / progress.flown_s;
+  char text[64];
+  std::snprintf(text, sizeof(text), ", about %.0f s left", left_s);
+  return text;
+}
+
+// On a terminal one line that is written over, otherwise a line now and then.
+class ProgressLine {
+ public:
+  explicit ProgressLine(std::string title) : title_(std::move(title)) {}
+  ~ProgressLine() {
+    if (on_terminal_ && shown_) std::fprintf(stderr, "\r\033[K");
+  }
+  ProgressLine(const ProgressLine&) = delete;
+  ProgressLine& operator=(const ProgressLine&) = delete;
+
+  void show(const FlightProgress& progress) {
+    const double interval_ms = on_terminal_ ? 200 : 10'000;
+    const double now_ms = steady_ms();
+    if (shown_ && now_ms - last_ms_ < interval_ms) return;
+    last_ms_ = now_ms;
+    shown_ = true;
+    std::fprintf(stderr, "%s%s: %.1f of %.1f s flown%s%s", on_terminal_ ? "\r\033[K" : "",
+                 title_.c_str(), progress.flown_s, progress.total_s, time_left(progress).c_str(),
+                 on_terminal_ ? "" : "\n");
+    std::fflush(stderr);
+  }
+
+ private:
+  std::string title_;
+  const bool on_terminal_ = isatty(STDERR_FILENO) != 0;
+  bool shown_ = false;
+  double last_ms_ = 0;
+};
+
+struct Flown {
+  FlightResult flight;
+  RunSummary summary;
+};
+
+Flown fly(const TeamOptions& team, const Options& options) {
+  fs::create_directories(team.out);
+  Flown flown;
+  {
+    ProgressLine line(team.mode == FlightMode::kSolo ? "alone" : "together");
+    flown.flight = fly_team(team, [&line](const FlightProgress& p) { line.show(p); });
+  }
+  flown.summary = summarize_team(team, flown.flight, dataset_name(options.dataset));
+  return flown;
+}
+
+void fail_if_incomplete(const FlightResult& flight, const fs::path& run) {
+  if (flight.interrupted) {
+    throw std::runtime_error("interrupted; what was flown until then is in " + run.string());
+  }
+  if (flight.ended_early.empty()) return;
+  std::vector<std::string> who;
+  for (const auto& [name, why] : flight.ended_early) {
+    who.push_back(std::string(name).append(" ").append(why));
+  }
+  throw std::runtime_error(joined(who) + "; the results of the others are in " + run.string());
+}
+
+void run(const Options& options) {
+  if (options.exchange != "compact") {
+    throw std::runtime_error("--exchange " + options.exchange +
+                             " does not exist yet: compact is the one that works");
+  }
+  const TeamOptions team = team_options(options);
+  prepare_run(team.out, options.force);
+  catch_stop_signals();
+
+  std::optional<Flown> alone;
+  if (options.with_solo && team.mode == FlightMode::kCollaborative) {
+    TeamOptions solo = team;
+    solo.mode = FlightMode::kSolo;
+    solo.out = team.out / kSoloFolder;
+    alone = fly(solo, options);
+    fail_if_incomplete(alone->flight, solo.out);
+  }
+  const Flown flown = fly(team, options);
+  std::printf("%s", team_table(flown.summary, alone ? &alone->summary : nullptr).c_str());
+  if (flown.summary.real_time_factor) {
+    std::printf("%.1f times real time\n", *flown.summary.real_time_factor);
+  }
+  const fs::path report = write_report(team.out);
+  std::printf("report: %s\n", report.c_str());
+  std::fflush(stdout);
+  fail_if_incomplete(flown.flight, team.out);
+}
+
+}  // namespace
+
+void add_team_command(CLI::App& covey) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = covey.add_subcommand(
+      "team", "Fly all drones of a dataset, one process each, over DDS on this machine");
+  command->footer(
+      "Example: covey team data/castle --out runs/castle --with-solo\n"
+      "         covey team data/castle --mode solo --agents uav0,uav2 --pace 1");
+  command->add_option("dataset", options->dataset, "EuRoC folders: DIR/uavK/mav0, or DIR/mav0")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--out", options->out, "Folder for the results (default: below runs/)")
+      ->type_name("RUN");
+  command->add_option("--mode", options->mode, "Together, or each for itself")
+      ->check(CLI::IsMember({"collaborative", "solo"}))
+      ->capture_default_str();
+  command->add_option("--exchange", options->exchange, "What the drones tell each other")
+      ->check(CLI::IsMember({"compact", "paper", "naive"}))
+      ->capture_default_str();
+  command
+      ->add_option("--init", options->init,
+                   "Gravity from standing still, or pose and velocity from ground truth; auto: "
+                   "ground truth where all drones have it")
+      ->check(CLI::IsMember({"auto", "static", "groundtruth"}))
+      ->capture_default_str();
+  command
+      ->add_option("--pace", options->pace,
+                   "lockstep: no frame is dropped; RATE: times real time, late frames are dropped")
+      ->type_name("lockstep|RATE")
+      ->capture_default_str();
+  command->add_option("--agents", options->agents, "Only these drones, e.g. uav0,uav2")
+      ->delimiter(',');
+  command
+      ->add_option("--config", options->config_file,
+                   "Settings for all drones, merged over the defaults (covey agent "
+                   "--print-config shows them)")
+      ->type_name("FILE.json");
+  command->add_flag("--with-solo", options->with_solo, "Fly alone first, to compare");
+  command->add_flag("--force", options->force, "Replace the results in RUN");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace covey

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// From what the drones of a team left behind to the figures of the run.
+#pragma once
+
+#include <string>
+
+#include "apps/run_summary.h"
+#include "apps/team.h"
+
+namespace covey {
+
+// Evaluates each drone in RUN/<drone>/, adds its ground truth to the folder, writes
+// RUN/summary.json.
+RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,
+                          const std::string& dataset_name);
+
+// For the terminal: one line per drone; with the errors of `alone`, if given, beside the team's.
+[[nodiscard]] std::string team_table(const RunSummary& run, const RunSummary* alone);
+
+}  // namespace covey
