@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One agent's process by itself, and how it talks with its team.
+#include "apps/agent.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/apps/covey_process.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+TEST(ControlChannel, CommandsAndRepliesSurviveTheWire) {
+  const auto receive =
+      std::get<ReceiveCommand>(decode_command(encode(Command{ReceiveCommand{{3, 4}, 500}})));
+  EXPECT_EQ(receive.expected.requests, 3U);
+  EXPECT_EQ(receive.expected.messages, 4U);
+  EXPECT_EQ(receive.patience_ms, 500);
+  const auto go =
+      std::get<GoCommand>(decode_command(encode(Command{GoCommand{0.1 + 0.2, 1'403'715'273}})));
+  EXPECT_EQ(go.start_ms, 0.1 + 0.2);
+  EXPECT_EQ(go.first_ns, 1'403'715'273);
+  AdvancedReply advanced;
+  advanced.done = true;
+  advanced.reached_ns = 1'403'715'273'262'142'976;
+  advanced.requests_sent = 5;
+  advanced.messages_sent_to = {{"uav1", 6}};
+  const auto reply = std::get<AdvancedReply>(decode_reply(encode(Reply{advanced})));
+  EXPECT_TRUE(reply.done);
+  EXPECT_EQ(reply.reached_ns, advanced.reached_ns);
+  EXPECT_EQ(reply.requests_sent, 5U);
+  EXPECT_EQ(reply.messages_sent_to, advanced.messages_sent_to);
+}
+
+TEST(ControlChannel, AnythingElseIsRefused) {
+  EXPECT_THROW((void)decode_command("hello"), std::runtime_error);
+  EXPECT_THROW((void)decode_command(R"({"do":"dance"})"), std::runtime_error);
+  EXPECT_THROW((void)decode_command(R"({"do":"advance"})"), std::runtime_error);
+  EXPECT_THROW((void)decode_reply(R"({"is":"ready","first_ns":"now"})"), std::runtime_error);
+}
+
+TEST(ControlChannel, LinesArriveWholeAndTheEndIsNoticed) {
+  int ends[2];
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
+  LineChannel here(ends[0]);
+  {
+    LineChannel there(ends[1]);
+    EXPECT_EQ(here.take_line(), std::nullopt);
+    EXPECT_FALSE(here.closed());
+    EXPECT_TRUE(there.send("one"));
+    EXPECT_TRUE(there.send("two"));
+  }
+  EXPECT_EQ(here.take_line(), "one");
+  EXPECT_EQ(here.take_line(), "two");
+  EXPECT_EQ(here.take_line(), std::nullopt);
+  EXPECT_TRUE(here.closed());
+  EXPECT_FALSE(here.send("three"));
+}
+
+TEST(CpuLoadMonitor, KeepsTheHighestShareOverWindowsOfASecond) {
+  CpuLoadMonitor monitor;
+  monitor.sample(0, 0);
+  monitor.sample(500, 0.4);
+  EXPECT_EQ(monitor.max_percent(), std::nullopt);
+  monitor.sample(1000, 0.5);
+  EXPECT_NEAR(*monitor.max_percent(), 50, 1e-9);
+  monitor.sample(3000, 2.1);
+  EXPECT_NEAR(*monitor.max_percent(), 80, 1e-9);
+  monitor.sample(4000, 2.1);
+  EXPECT_NEAR(*monitor.max_percent(), 80, 1e-9);
+}
+
+TEST(Agent, FliesAloneWithoutATeam) {
+  const fs::path out = fs::path(testing::TempDir()) / "covey_agent_alone";
+  fs::remove_all(out);
+  const fs::path config = out.string() + ".json";
+  std::ofstream(config) << R"({"agent": {"mode": "solo", "duration_s": 0.5}})";
+  CoveyProcess covey({"agent", "--config", config.string(), "--name", "scout", "--dataset",
+                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out", out.string()});
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  const AgentSummary summary =
+      agent_summary_from_json(json::parse(file_content(out / kAgentSummaryFile)), "summary");
+  EXPECT_GT(summary.frames, 5);
+  EXPECT_GT(*summary.cpu_ms_per_frame, 0);
+  EXPECT_EQ(read_timings(out / kTimingsFile).size(), static_cast<std::size_t>(summary.frames));
+  fs::remove_all(out);
+}
+
+TEST(Agent, PrintsASettingForEveryKeyAndReadsThemBack) {
+  CoveyProcess print({"agent", "--print-config"});
+  ASSERT_EQ(print.finish(), 0);
+  EXPECT_EQ(print.output(), print_config(AgentConfig()));
+  CoveyProcess describe({"agent", "--describe-config"});
+  ASSERT_EQ(describe.finish(), 0);
+  EXPECT_THAT(describe.output(), HasSubstr("estimator.gravity"));
+}
+
+TEST(Agent, SaysInOneLineWhatIsMissing) {
+  CoveyProcess nothing({"agent"});
+  EXPECT_EQ(nothing.finish(), 2);
+  EXPECT_THAT(nothing.output(), HasSubstr("--config"));
+  CoveyProcess dataset({"agent", "--dataset", "/nowhere", "--out", testing::TempDir()});
+  EXPECT_EQ(dataset.finish(), 1);
+  EXPECT_THAT(dataset.output(), AllOf(HasSubstr("covey: uav0: "), HasSubstr("/nowhere")));
+  EXPECT_EQ(std::count(dataset.output().begin(), dataset.output().end(), '\n'), 1);
+}
+
+TEST(Agent, WithoutATeamThereIsNoLockstep) {
+  const fs::path config = fs::path(testing::TempDir()) / "covey_agent_lockstep.json";
+  std::ofstream(config) << R"({"agent": {"mode": "solo", "pace": "lockstep"}})";
+  CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
+                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out",
+                      (fs::path(testing::TempDir()) / "covey_agent_lockstep").string()});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), HasSubstr("needs a team"));
+}
+
+}  // namespace
+}  // namespace covey

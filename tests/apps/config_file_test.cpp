@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/config_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <stdexcept>
+
+namespace covey {
+namespace {
+
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+AgentConfig merged(const json& settings) {
+  AgentConfig config;
+  merge_config(settings, "drone.json", config);
+  return config;
+}
+
+std::string complaint_about(const json& settings) {
+  try {
+    (void)merged(settings);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "no complaint";
+}
+
+TEST(ConfigFile, KeysThatAreNotGivenKeepTheirDefaults) {
+  const AgentConfig config = merged({{"tracker", {{"max_tracks", 77}}}});
+  EXPECT_EQ(config.tracker.max_tracks, 77);
+  EXPECT_EQ(config.tracker.pixel_sigma, TrackerConfig().pixel_sigma);
+  EXPECT_EQ(config.estimator.max_clones, EstimatorConfig().max_clones);
+}
+
+TEST(ConfigFile, WhatIsPrintedReadsBackAsTheSame) {
+  AgentConfig config;
+  config.agent.name = "uav7";
+  config.agent.pace = Pace::kRate;
+  config.collaboration.keyframe.rotation = 0.123456789;
+  config.link.initial_peers = {"10.0.0.1", "10.0.0.2"};
+  const std::string printed = print_config(config);
+  EXPECT_EQ(print_config(merged(json::parse(printed))), printed);
+}
+
+TEST(ConfigFile, DegreesInTheFileAreRadiansInTheProgram) {
+  const AgentConfig config = merged({{"initialisation", {{"yaw_deg", 90}}}});
+  EXPECT_NEAR(config.initialisation.yaw, M_PI / 2, 1e-12);
+}
+
+TEST(ConfigFile, ThePrintedAnglesAreUnchangedByReadingThemBack) {
+  const AgentConfig before;
+  const AgentConfig after = merged(json::parse(print_config(before)));
+  EXPECT_EQ(after.collaboration.keyframe.rotation, before.collaboration.keyframe.rotation);
+  EXPECT_EQ(after.initialisation.tilt_sigma, before.initialisation.tilt_sigma);
+}
+
+TEST(ConfigFile, AnUnknownKeyIsNamedWithItsSectionAndFile) {
+  EXPECT_THAT(complaint_about({{"tracker", {{"max_track", 77}}}}),
+              AllOf(HasSubstr("drone.json"), HasSubstr("unknown key 'tracker.max_track'"),
+                    HasSubstr("max_tracks")));
+}
+
+TEST(ConfigFile, AnUnknownSectionIsNamed) {
+  EXPECT_THAT(complaint_about({{"traker", json::object()}}), HasSubstr("unknown key 'traker'"));
+}
+
+TEST(ConfigFile, AValueOfAnotherTypeIsNamed) {
+  EXPECT_THAT(complaint_about({{"tracker", {{"max_tracks", "many"}}}}),
+              HasSubstr("'tracker.max_tracks' is not a whole number: \"many\""));
+  EXPECT_THAT(complaint_about({{"tracker", {{"max_tracks", 1.5}}}}),
+              HasSubstr("'tracker.max_tracks' is not a whole number: 1.5"));
+  EXPECT_THAT(complaint_about({{"estimator", {{"gravity", true}}}}),
+              HasSubstr("'estimator.gravity' is not a number: true"));
+  EXPECT_THAT(complaint_about({{"estimator", {{"zero_velocity_updates", 1}}}}),
+              HasSubstr("'estimator.zero_velocity_updates' is neither true nor false"));
+  EXPECT_THAT(complaint_about({{"link", {{"initial_peers", {1, 2}}}}}),
+              HasSubstr("'link.initial_peers' is not a list of texts"));
+  EXPECT_THAT(complaint_about({{"agent", 3}}), HasSubstr("'agent' is not a section"));
+  EXPECT_THAT(complaint_about(json::array()), HasSubstr("not a JSON object"));
+}
+
+TEST(ConfigFile, AValueOutOfRangeIsNamedWithTheRange) {
+  EXPECT_THAT(complaint_about({{"estimator", {{"max_clones", -1}}}}),
+              AllOf(HasSubstr("'estimator.max_clones' is out of range"), HasSubstr("-1")));
+  EXPECT_THAT(complaint_about({{"estimator", {{"gravity", 1e9}}}}), HasSubstr("out of range"));
+}
+
+TEST(ConfigFile, AnUnknownChoiceIsNamedWithTheKnownOnes) {
+  EXPECT_THAT(complaint_about({{"agent", {{"pace", "slow"}}}}),
+              HasSubstr("'agent.pace' is none of max, lockstep, rate: \"slow\""));
+}
+
+TEST(ConfigFile, AFailedMergeChangesNothing) {
+  AgentConfig config;
+  const json settings = {{"tracker", {{"max_tracks", 77}}}, {"zzz", 1}};
+  EXPECT_THROW(merge_config(settings, "drone.json", config), std::runtime_error);
+  EXPECT_EQ(config.tracker.max_tracks, TrackerConfig().max_tracks);
+}
+
+TEST(ConfigFile, BrokenJsonAndMissingFilesAreNamed) {
+  const std::string file = testing::TempDir() + "broken_config.json";
+  std::ofstream(file) << "{ \"agent\": ";
+  EXPECT_THAT([&] { (void)read_config(file); }, testing::ThrowsMessage<std::runtime_error>(AllOf(
+                                                    HasSubstr(file), HasSubstr("not valid JSON"))));
+  EXPECT_THAT([] { (void)read_config("/nowhere/config.json"); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("/nowhere/config.json")));
+}
+
+TEST(ConfigFile, EveryPrintedKeyIsDescribed) {
+  const json printed = json::parse(print_config(AgentConfig()));
+  const std::string description = describe_config();
+  for (const auto& [section, keys] : printed.items()) {
+    for (const auto& [key, value] : keys.items()) {
+      EXPECT_THAT(description, HasSubstr(std::string(section).append(".").append(key).append(" ")))
+          << value;
+    }
+  }
+}
+
+TEST(ConfigFile, KeysThatHoldAnglesEndInDeg) {
+  std::istringstream description(describe_config());
+  for (std::string line; std::getline(description, line);) {
+    const bool in_degrees = line.find("[deg]") != std::string::npos;
+    const std::string key = line.substr(0, line.find(' '));
+    EXPECT_EQ(in_degrees, key.size() > 4 && key.substr(key.size() - 4) == "_deg") << line;
+  }
+}
+
+}  // namespace
+}  // namespace covey

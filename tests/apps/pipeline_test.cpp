@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/pipeline.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <opencv2/core.hpp>
+#include <stdexcept>
+
+#include "apps/dataset.h"
+#include "apps/grey_image.h"
+#include "apps/initialisation.h"
+#include "estimator/so3.h"
+
+namespace covey {
+namespace {
+
+std::vector<ImuSample> turning(double rate, double seconds) {
+  std::vector<ImuSample> imu;
+  for (int i = 0; i <= static_cast<int>(seconds * 200); ++i) {
+    imu.push_back({nanoseconds(i * 0.005), Eigen::Vector3d(0, 0, rate), {0, 0, 9.81}});
+  }
+  return imu;
+}
+
+TEST(IntegrateGyro, TurnsByRateTimesTimeBetweenTheStamps) {
+  const auto q =
+      integrate_gyro(turning(0.5, 1), nanoseconds(0.1033), nanoseconds(0.7071), {0, 0, 0});
+  EXPECT_NEAR(log_quaternion(q).z(), 0.5 * (0.7071 - 0.1033), 1e-9);
+}
+
+TEST(IntegrateGyro, TakesTheBiasAway) {
+  const auto q = integrate_gyro(turning(0.5, 1), 0, nanoseconds(1), {0, 0, 0.5});
+  EXPECT_NEAR(log_quaternion(q).norm(), 0, 1e-12);
+}
+
+TEST(IntegrateGyro, WithoutSamplesThereIsNoTurn) {
+  EXPECT_EQ(integrate_gyro({}, 0, 100, {0, 0, 0}).w(), 1);
+}
+
+TEST(GreyImage, SixteenBitsAreStretchedToWhatTheyHold) {
+  cv::Mat raw(100, 100, CV_16UC1);
+  for (int y = 0; y < raw.rows; ++y) raw.row(y).setTo(20000 + 10 * y);
+  raw.at<std::uint16_t>(0, 0) = 0;  // a dead pixel
+  const cv::Mat grey = to_grey8(raw);
+  EXPECT_EQ(grey.type(), CV_8UC1);
+  EXPECT_LT(grey.at<std::uint8_t>(1, 50), 10);
+  EXPECT_GT(grey.at<std::uint8_t>(98, 50), 245);
+}
+
+TEST(GreyImage, EightBitsAndUniformImagesStayAsTheyAre) {
+  const cv::Mat image(10, 10, CV_8UC1, cv::Scalar(77));
+  EXPECT_EQ(to_grey8(image).data, image.data);
+  EXPECT_EQ(to_grey8(cv::Mat(10, 10, CV_16UC1, cv::Scalar(300))).type(), CV_8UC1);
+}
+
+GroundTruth straight_flight() {
+  GroundTruth truth;
+  for (int i = 0; i <= 10; ++i) {
+    GroundTruthState state;
+    state.stamp_ns = nanoseconds(1 + 0.1 * i);
+    state.pose.p_world_imu.x() = 0.2 * i;
+    state.pose.q_world_imu = exp_quaternion({0, 0, 0.3});
+    state.v_world_imu.x() = 2;
+    state.gyro_bias.x() = 0.01;
+    truth.states.push_back(state);
+  }
+  return truth;
+}
+
+TEST(Initialisation, FromGroundTruthWaitsUntilItIsThere) {
+  const Initialisation start({}, 9.81, straight_flight());
+  EXPECT_TRUE(std::holds_alternative<NotStill>(start.start_at(nanoseconds(0.9), {})));
+  const auto state = std::get<InitialState>(start.start_at(nanoseconds(1.25), {}));
+  EXPECT_NEAR(state.pose.p_world_imu.x(), 0.5, 1e-9);
+  EXPECT_NEAR(state.v_world_imu.x(), 2, 1e-9);
+  EXPECT_EQ(state.gyro_bias.norm(), 0) << "the truth tells pose and velocity, nothing else";
+}
+
+TEST(Initialisation, FromGroundTruthThatIsMissingIsAnError) {
+  EXPECT_THROW(Initialisation({}, 9.81, std::nullopt), std::runtime_error);
+}
+
+TEST(Initialisation, StandingStillTakesPlaceAndYawFromTheTruthAndTheRestFromTheImu) {
+  InitialisationConfig config;
+  config.method = InitMethod::kStatic;
+  std::vector<ImuSample> imu = turning(0.02, 1);
+  const Initialisation start(config, 9.81, straight_flight());
+  const auto state = std::get<InitialState>(start.start_at(imu.back().stamp_ns, imu));
+  EXPECT_NEAR(log_quaternion(state.pose.q_world_imu).z(), 0.3, 1e-9);
+  EXPECT_NEAR(state.gyro_bias.z(), 0.02, 1e-9);
+  EXPECT_EQ(state.v_world_imu.norm(), 0);
+}
+
+TEST(Initialisation, StandingStillWithoutTruthStartsWhereTheConfigurationSays) {
+  InitialisationConfig config;
+  config.method = InitMethod::kStatic;
+  config.p_world_imu = {1, 2, 3};
+  config.yaw = -0.7;
+  const std::vector<ImuSample> imu = turning(0, 1);
+  const Initialisation start(config, 9.81, std::nullopt);
+  const auto state = std::get<InitialState>(start.start_at(imu.back().stamp_ns, imu));
+  EXPECT_EQ(state.pose.p_world_imu, Eigen::Vector3d(1, 2, 3));
+  EXPECT_NEAR(log_quaternion(state.pose.q_world_imu).z(), -0.7, 1e-9);
+}
+
+TEST(Initialisation, ADroneThatMovesDoesNotStandStill) {
+  InitialisationConfig config;
+  config.method = InitMethod::kStatic;
+  const std::vector<ImuSample> imu = turning(0.8, 1);
+  const Initialisation start(config, 9.81, std::nullopt);
+  EXPECT_TRUE(std::holds_alternative<NotStill>(start.start_at(imu.back().stamp_ns, imu)));
+}
+
+// One drone of the small simulated flight, fed by hand.
+class Drone {
+ public:
+  Drone(const std::string& name, FlightMode mode)
+      : dataset_(read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / name / "mav0")),
+        pipeline_(config(name, mode), {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
+                  dataset_.ground_truth) {}
+
+  [[nodiscard]] std::size_t images() const { return dataset_.images.size(); }
+  [[nodiscard]] Pipeline& pipeline() { return pipeline_; }
+
+  ImageResult fly(std::size_t index) {
+    const ImageEntry& image = dataset_.images.at(index);
+    while (next_imu_ < dataset_.imu.size()) {
+      const ImuSample& sample = dataset_.imu[next_imu_++];
+      pipeline_.add_imu(sample);
+      if (sample.stamp_ns > image.stamp_ns) break;
+    }
+    return pipeline_.add_image(image.stamp_ns,
+                               read_image(image, dataset_.camera.width, dataset_.camera.height));
+  }
+
+ private:
+  static AgentConfig config(const std::string& name, FlightMode mode) {
+    AgentConfig config;
+    config.agent.name = name;
+    config.agent.mode = mode;
+    return config;
+  }
+
+  Dataset dataset_;
+  Pipeline pipeline_;
+  std::size_t next_imu_ = 0;
+};
+
+TEST(Pipeline, SameInputGivesBitEqualOdometry) {
+  Drone one("uav0", FlightMode::kSolo), other("uav0", FlightMode::kSolo);
+  for (std::size_t i = 0; i < 10; ++i) {
+    const ImageResult a = one.fly(i), b = other.fly(i);
+    ASSERT_EQ(a.odometry.has_value(), b.odometry.has_value());
+    if (!a.odometry) continue;
+    EXPECT_EQ(a.odometry->pose.p_world_imu, b.odometry->pose.p_world_imu);
+    EXPECT_EQ(a.odometry->pose.q_world_imu.coeffs(), b.odometry->pose.q_world_imu.coeffs());
+    EXPECT_EQ(a.odometry->pose_covariance, b.odometry->pose_covariance);
+  }
+  EXPECT_TRUE(one.pipeline().started());
+}
+
+TEST(Pipeline, AloneItAsksNobodyAndAnswersNobody) {
+  Drone drone("uav0", FlightMode::kSolo);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_FALSE(drone.fly(i).advert);
+  EXPECT_FALSE(drone.pipeline().answer(PlaceAdvert()));
+  EXPECT_EQ(drone.pipeline().fuse(PeerKeyframe()), PeerOutcome::kRejected);
+  EXPECT_FALSE(drone.pipeline().collaboration());
+}
+
+TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
+  Drone one("uav0", FlightMode::kCollaborative), other("uav1", FlightMode::kCollaborative);
+  int asked = 0, answered = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.advert) continue;
+    ++asked;
+    EXPECT_GT(mine.timing.describe_ms, 0);
+    const auto answer = other.pipeline().answer(*mine.advert);
+    if (!answer) continue;
+    ++answered;
+    EXPECT_EQ(answer->receiver, "uav0");
+    (void)one.pipeline().fuse(*answer);
+  }
+  EXPECT_GT(asked, 0);
+  EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
+  EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
+  EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
+}
+
+TEST(Pipeline, AHostileMessageIsRejected) {
+  Drone drone("uav0", FlightMode::kCollaborative);
+  (void)drone.fly(0);
+  PeerKeyframe message;
+  message.sender = "uav1";
+  message.receiver = "uav0";
+  message.landmarks.resize(3);
+  message.landmarks[0].estimate.p_world.x() = std::nan("");
+  EXPECT_EQ(drone.pipeline().fuse(message), PeerOutcome::kRejected);
+}
+
+}  // namespace
+}  // namespace covey

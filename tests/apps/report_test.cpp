@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <stdexcept>
+
+#include "apps/run_files.h"
+#include "apps/run_summary.h"
+#include "apps/svg.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::Not;
+using testing::ThrowsMessage;
+
+constexpr int kImages = 90;  // at 30 Hz
+
+Pose pose_at(int image, double offset_m) {
+  const double angle = 2 * M_PI * image / kImages;
+  return {{10 * std::cos(angle) + offset_m * std::sin(9 * angle), 10 * std::sin(angle), 5},
+          Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()))};
+}
+
+TimeNs stamp_of(int image) { return 1403636579763555527 + image * TimeNs{33333333}; }
+
+// The error of the estimate is a wave of this height.
+void write_flight(const fs::path& folder, double offset_m) {
+  fs::create_directories(folder);
+  OdometryWriter writer(folder);
+  for (int i = 10; i < kImages; ++i) {
+    Odometry odometry;
+    odometry.stamp_ns = stamp_of(i);
+    odometry.pose = pose_at(i, offset_m);
+    odometry.pose_covariance = 0.01 * Matrix6d::Identity();
+    writer.write(odometry);
+  }
+  writer.close();
+}
+
+void write_truth(const fs::path& folder) {
+  Trajectory truth;
+  for (int i = 0; i < kImages; ++i) truth.push_back({stamp_of(i), pose_at(i, 0)});
+  write_tum(folder / kGroundTruthFile, truth);
+}
+
+void write_records(const fs::path& folder) {
+  TimingWriter timings(folder);
+  LinkWriter link(folder);
+  for (int i = 0; i < kImages; ++i) {
+    TimingRecord timing;
+    timing.stamp_ns = stamp_of(i);
+    timing.track_ms = 3 + std::sin(i);
+    timing.slam_ms = 1;
+    timing.tracks = 180 + i % 7;
+    timings.write(timing);
+    LinkRecord record;
+    record.stamp_ns = stamp_of(i);
+    record.requests_sent = i / 15;
+    record.payload_bytes_sent = 2056 * record.requests_sent;
+    link.write(record);
+  }
+  timings.close();
+  link.close();
+}
+
+class Report : public testing::Test {
+ protected:
+  Report() {
+    summary_.dataset = "a <script>alert(1)</script> & \"b\"";
+    summary_.mode = "collaborative";
+    summary_.exchange = "compact";
+    summary_.init = "static";
+    for (const char* name : {"uav0", "uav1"}) {
+      write_flight(run() / name, 0.1);
+      write_flight(run() / kSoloFolder / name, 0.2);
+      write_truth(run() / name);
+      write_records(run() / name);
+      AgentSummary agent;
+      agent.frames = kImages;
+      agent.link = LinkSummary();
+      agent.link->message.sent = 4711;
+      summary_.agents[name] = agent;
+    }
+    write_run_summary(run() / "summary.json", summary_);
+  }
+
+  [[nodiscard]] const fs::path& run() const { return folder_.path(); }
+
+  [[nodiscard]] std::string drawn() const {
+    std::ifstream stream(write_report(run()));
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+
+  TemporaryFolder folder_;
+  RunSummary summary_;
+};
+
+std::size_t count(const std::string& text, const std::string& what) {
+  std::size_t found = 0;
+  for (auto at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++found;
+  return found;
+}
+
+TEST_F(Report, ShowsErrorsTogetherAndAloneAndTheChange) {
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<td>0.141</td><td class=\"main\">0.071</td>"));
+  EXPECT_THAT(html, HasSubstr("\u25bc 50 %"));
+  EXPECT_THAT(html, HasSubstr("4711"));
+}
+
+TEST_F(Report, DrawsEverySectionForEveryDrone) {
+  const std::string html = drawn();
+  for (const char* heading : {"Errors", "Trajectories", "Distance to the truth",
+                              "What the filters believe", "Work", "Link"}) {
+    EXPECT_THAT(html, HasSubstr("<h2>" + std::string(heading) + "</h2>"));
+  }
+  // Three views; for each of two drones a distance, four channels, three of work, three of the
+  // link.
+  EXPECT_EQ(count(html, "class=\"chart\""), 3u + 2 * (1 + 4 + 3 + 3));
+}
+
+TEST_F(Report, IsSelfContained) {
+  const std::string html = drawn();
+  for (const char* outside : {"http", "src=", "href=", "url(", "@import", "<script", "<link"}) {
+    EXPECT_THAT(html, Not(HasSubstr(outside)));
+  }
+}
+
+TEST_F(Report, EscapesEveryName) {
+  summary_.agents["<b>uav2"] = AgentSummary();
+  summary_.agents["uav0"].incomplete = "died: <i>";
+  write_run_summary(run() / "summary.json", summary_);
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("a &lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;b&quot;"));
+  EXPECT_THAT(html, HasSubstr("&lt;b&gt;uav2"));
+  EXPECT_THAT(html, AllOf(HasSubstr("died: &lt;i&gt;"), Not(HasSubstr("<i>"))));
+}
+
+TEST_F(Report, LeavesOutWhatIsMissingWithAWord) {
+  for (const char* file :
+       {kTrajectoryFile, kCovarianceFile, kGroundTruthFile, kTimingsFile, kLinkFile}) {
+    for (const char* name : {"uav0", "uav1"}) {
+      fs::remove(run() / name / file);
+      EXPECT_THAT(drawn(), HasSubstr("</html>"));
+    }
+  }
+  fs::remove_all(run() / "uav0");
+  fs::remove_all(run() / kSoloFolder);
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<li>uav0/trajectory.tum: cannot be read"));
+  EXPECT_THAT(html, HasSubstr("<li>uav1: no ground truth"));
+  EXPECT_THAT(html, Not(HasSubstr("Trajectories")));
+}
+
+TEST_F(Report, NamesABrokenFileAndDrawsTheRest) {
+  folder_.write("uav0/timings.csv", "stamp_ns,read_ms\n");
+  folder_.write("uav1/trajectory.tum", "1 0 0 0 0 0 0 1\n2 0 0 nan 0 0 0 1\n");
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<li>uav0/timings.csv:1: column &#39;thermal_ms&#39; is missing"));
+  EXPECT_THAT(html, HasSubstr("<li>uav1/trajectory.tum:2: column 4 is not finite"));
+  EXPECT_THAT(html, HasSubstr("error in yaw"));
+}
+
+TEST_F(Report, SaysWhenTruthAndEstimateDoNotOverlap) {
+  Trajectory other;
+  for (int i = 0; i < 9; ++i) other.push_back({TimeNs{1000000000} * (i + 1), {}});
+  write_tum(run() / "uav0" / kGroundTruthFile, other);
+  EXPECT_THAT(drawn(), HasSubstr("<li>uav0: only 0 poses match in time"));
+}
+
+TEST_F(Report, OfARunWithoutSummaryIsAnError) {
+  fs::remove(run() / "summary.json");
+  EXPECT_THAT([this] { (void)write_report(run()); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("summary.json: cannot be read")));
+}
+
+// ------------------------------------------------------------------------------------------- svg
+
+TEST(Svg, TicksAreRoundAndInside) {
+  EXPECT_DOUBLE_EQ(round_step(10, 5), 2);
+  EXPECT_DOUBLE_EQ(round_step(0.3, 4), 0.1);
+  EXPECT_DOUBLE_EQ(round_step(6e6, 10), 1e6);
+  EXPECT_THAT(multiples(2, {-3.9, 4}), ElementsAre(-2, 0, 2, 4));
+}
+
+TEST(Svg, TextIsEscaped) {
+  EXPECT_EQ(escape_html("<a b='\"&'>"), "&lt;a b=&#39;&quot;&amp;&#39;&gt;");
+}
+
+TEST(Svg, SimplifyingKeepsCornersAndDropsWhatIsOnTheLine) {
+  std::vector<Eigen::Vector2d> corner;
+  for (int i = 0; i <= 10; ++i) corner.emplace_back(i, 0);
+  for (int i = 1; i <= 10; ++i) corner.emplace_back(10, i);
+  EXPECT_THAT(simplified(corner, 0.1),
+              ElementsAre(Eigen::Vector2d(0, 0), Eigen::Vector2d(10, 0), Eigen::Vector2d(10, 10)));
+}
+
+TEST(Svg, SimplifyingKeepsALoopThatEndsWhereItBegan) {
+  EXPECT_EQ(simplified({{0, 0}, {5, 0}, {5, 5}, {0, 0}}, 0.1).size(), 4u);
+}
+
+// Width and height of the only curve, px.
+Eigen::Vector2d drawn_size(const std::string& svg) {
+  std::smatch path;
+  EXPECT_TRUE(std::regex_search(svg, path, std::regex("class=\"curve\"[^>]* d=\"([^\"]*)\"")));
+  const std::string data = path[1];
+  const std::regex point("[ML]([-0-9.]+) ([-0-9.]+)");
+  Eigen::AlignedBox2d box;
+  for (auto it = std::sregex_iterator(data.begin(), data.end(), point);
+       it != std::sregex_iterator(); ++it) {
+    box.extend(Eigen::Vector2d(std::stod((*it)[1]), std::stod((*it)[2])));
+  }
+  return box.sizes();
+}
+
+TEST(Svg, OnEqualScalesASquareIsASquare) {
+  Chart chart;
+  chart.equal_scale = true;
+  Curve square;
+  square.color = "ink";
+  square.points = {{0, 0}, {10, 0}, {10, 10}, {0, 10}, {0, 0}};
+  chart.curves.push_back(square);
+  for (const double max_height_px : {0.0, 1000.0}) {
+    chart.max_height_px = max_height_px;
+    const Eigen::Vector2d size = drawn_size(render_svg(chart));
+    EXPECT_NEAR(size.x(), size.y(), 0.2);
+  }
+}
+
+TEST(Svg, ConstantAndSingleValuesStillHaveAxes) {
+  Chart chart;
+  Curve constant;
+  constant.color = "ink";
+  constant.points = {{0, 3}, {1, 3}};
+  chart.curves = {constant};
+  EXPECT_THAT(render_svg(chart), AllOf(HasSubstr(">3<"), Not(HasSubstr("nan"))));
+  chart.curves[0].points = {{5, 0}};
+  chart.y_from_zero = true;
+  EXPECT_THAT(render_svg(chart), AllOf(HasSubstr("</svg>"), Not(HasSubstr("nan"))));
+}
+
+TEST(Svg, NothingToDrawIsNothing) { EXPECT_EQ(render_svg(Chart()), ""); }
+
+}  // namespace
+}  // namespace covey

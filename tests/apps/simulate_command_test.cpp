@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/simulate_command.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "apps/dataset.h"
+#include "apps/png_file.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+// The command as a person would type it; what it complains about, or nothing.
+std::string simulate(const std::string& arguments) {
+  CLI::App app;
+  add_simulate_command(app);
+  try {
+    app.parse("simulate " + arguments, false);
+    return "";
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+}
+
+std::string bytes(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::size_t entries(const fs::path& folder) {
+  return static_cast<std::size_t>(
+      std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+}
+
+std::string truth_csv(int rows, const std::string& spoiled_row = "") {
+  std::string csv = "#timestamp,px,py,pz,qw,qx,qy,qz,vx,vy,vz,bgx,bgy,bgz,bax,bay,baz\n";
+  for (int i = 0; i < rows; ++i)
+    csv += std::to_string(1000000000LL + i * 50000000LL) + "," + std::to_string(0.01 * i) +
+           ",0,1,0.7071068,0,-0.7071068,0,0.2,0,0,0.01,0.02,0.03,0.1,0.2,0.3\n";
+  return csv + spoiled_row;
+}
+
+TEST(SimulateCommand, WritesWhatTheDatasetReaderReads) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "yard";
+  ASSERT_EQ(simulate("mars_yard --agents 1 --seconds 1 --rate 2 --raw16 --out " + out.string()),
+            "");
+  const auto drones = find_drones(out);
+  ASSERT_EQ(drones.size(), 1u);
+  const Dataset dataset = read_dataset(drones[0].mav0);
+  EXPECT_EQ(dataset.images.size(), 2u);
+  EXPECT_EQ(dataset.imu.size(), 201u);
+  ASSERT_TRUE(dataset.ground_truth.has_value());
+  EXPECT_TRUE(dataset.ground_truth->has_biases);
+  EXPECT_EQ(dataset.camera.model, DistortionModel::kEquidistant);
+  EXPECT_TRUE(dataset.warnings.empty());
+  const cv::Mat grey = read_image(dataset.images[0], 640, 512);
+  EXPECT_EQ(grey.type(), CV_8UC1);
+  const fs::path name = dataset.images[0].path.filename();
+  const cv::Mat raw = read_png((drones[0].mav0 / "cam0raw16" / "data" / name).string());
+  EXPECT_EQ(raw.type(), CV_16UC1);
+  EXPECT_EQ(entries(folder.path()), 1u) << "no partial folder is left";
+
+  EXPECT_THAT(simulate("mars_yard --out " + out.string()), HasSubstr("exists already"));
+}
+
+TEST(SimulateCommand, SameSeedWritesTheSameBytesHoweverThreadsTakeTurns) {
+  const TemporaryFolder folder;
+  const fs::path once = folder.path() / "once", again = folder.path() / "again";
+  const std::string shared = "castle_parallel --seconds 1 --rate 1 --out ";
+  ASSERT_EQ(simulate(shared + once.string()), "");
+  ASSERT_EQ(simulate(shared + again.string()), "");
+  int compared = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(once)) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path other = again / fs::relative(entry.path(), once);
+    EXPECT_EQ(bytes(entry.path()), bytes(other)) << other;
+    ++compared;
+  }
+  EXPECT_EQ(compared, 3 * 6);  // images, their list, two calibrations, IMU and truth
+}
+
+TEST(SimulateCommand, KeepsARecordedImuAndItsStamps) {
+  const TemporaryFolder folder;
+  std::string imu = "#timestamp,wx,wy,wz,ax,ay,az\n";
+  for (int i = -3; i < 500; ++i)
+    imu += std::to_string(1000000000LL + i * 5000000LL) + ",0.1,0.2,0.3,9.81,0," +
+           std::to_string(0.001 * i) + "\n";
+  const fs::path truth_file = folder.write("truth.csv", truth_csv(41));
+  const fs::path imu_file = folder.write("imu.csv", imu);
+  const fs::path out = folder.path() / "room";
+  ASSERT_EQ(simulate("room --seconds 1.5 --rate 2 --trajectory " + truth_file.string() + " --imu " +
+                     imu_file.string() + " --out " + out.string()),
+            "");
+  const Dataset dataset = read_dataset(find_drones(out)[0].mav0);
+  ASSERT_EQ(dataset.imu.size(), 301u) << "from the first true state, for 1.5 s";
+  EXPECT_EQ(dataset.imu.front().stamp_ns, 1000000000LL);
+  EXPECT_EQ(dataset.imu[7].accel_imu, Eigen::Vector3d(9.81, 0, 0.007));
+  const GroundTruthState& state = dataset.ground_truth->states[100];
+  EXPECT_NEAR(state.pose.p_world_imu.x(), 0.1, 1e-3);
+  EXPECT_EQ(state.accel_bias, Eigen::Vector3d(0.1, 0.2, 0.3));
+}
+
+TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
+  const TemporaryFolder folder;
+  const fs::path spoiled = folder.write("spoiled.csv", truth_csv(20, "3000000000,1,2,three\n"));
+  const fs::path out = folder.path() / "room";
+  const std::string to = " --out " + out.string();
+  EXPECT_THAT(simulate("room --trajectory " + spoiled.string() + to), HasSubstr("spoiled.csv:22"));
+  EXPECT_THAT(simulate("room --trajectory nowhere.csv" + to), HasSubstr("nowhere.csv"));
+  const fs::path good = folder.write("good.csv", truth_csv(20));
+  const fs::path late = folder.write("late.csv",
+                                     "#t,w,w,w,a,a,a\n9000000000,0,0,0,0,0,9.8\n"
+                                     "9005000000,0,0,0,0,0,9.8\n");
+  EXPECT_THAT(simulate("room --trajectory " + good.string() + " --imu " + late.string() + to),
+              HasSubstr("does not overlap"));
+  EXPECT_THAT(simulate("castle_around --trajectory " + good.string() + to), HasSubstr("room"));
+  EXPECT_THAT(simulate("room --imu " + late.string() + to), HasSubstr("--trajectory"));
+  EXPECT_THAT(simulate("room --raw16" + to), HasSubstr("mars_yard"));
+  EXPECT_EQ(entries(folder.path()), 3u) << "only the csv files of this test";
+}
+
+TEST(SimulateCommand, UnknownScenariosAndRatesAreBadUsage) {
+  EXPECT_THAT(simulate("moon --out x"), HasSubstr("moon"));
+  EXPECT_THAT(simulate("room --rate 0 --out x"), HasSubstr("0"));
+  EXPECT_THAT(simulate("room"), HasSubstr("--out"));
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Whole teams of processes on a small simulated flight.
+#include "apps/team.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "apps/control_channel.h"
+#include "apps/free_domain.h"
+#include "tests/apps/covey_process.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr char kDataset[] = COVEY_TEST_FLIGHT;  // two drones, made by the fixture
+
+class Team : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* test = testing::UnitTest::GetInstance()->current_test_info();
+    run_ = fs::path(testing::TempDir()) / (std::string("covey_team_") + test->name());
+    fs::remove_all(run_);
+  }
+  void TearDown() override { fs::remove_all(run_); }
+
+  [[nodiscard]] std::vector<std::string> command(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments{"team", kDataset, "--out", run_.string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
+
+  [[nodiscard]] json summary() const { return json::parse(file_content(run_ / "summary.json")); }
+
+  [[nodiscard]] std::string trajectories() const {
+    return file_content(run_ / "uav0" / "trajectory.tum") +
+           file_content(run_ / "uav1" / "trajectory.tum");
+  }
+
+  // To one drone's agent. False if it does not run.
+  [[nodiscard]] bool signal_agent(const std::string& drone, int signal_number) const {
+    const auto pid = find_process((run_ / drone / "config.json").string());
+    return pid && kill(*pid, signal_number) == 0;
+  }
+
+  fs::path run_;
+};
+
+// Keeps all cores busy while it lives.
+class Load {
+ public:
+  Load() {
+    for (unsigned i = 0; i < 2 * std::thread::hardware_concurrency(); ++i) {
+      threads_.emplace_back([this] {
+        while (!stop_.load()) {
+        }
+      });
+    }
+  }
+  ~Load() {
+    stop_ = true;
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::vector<std::thread> threads_;
+};
+
+TEST_F(Team, FliesTogetherAndLeavesEverythingARunHas) {
+  CoveyProcess covey(command({"--init", "groundtruth", "--with-solo"}));
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  for (const char* drone : {"uav0", "uav1"}) {
+    for (const char* file : {"trajectory.tum", "trajectory_covariance.csv", "timings.csv",
+                             "link.csv", "groundtruth.tum"}) {
+      EXPECT_TRUE(fs::exists(run_ / drone / file)) << drone << " " << file;
+      if (std::string(file) != "link.csv") {
+        EXPECT_TRUE(fs::exists(run_ / "solo" / drone / file)) << drone << " " << file;
+      }
+    }
+    const json agent = summary()["agents"][drone];
+    EXPECT_EQ(agent["frames"], COVEY_TEST_FLIGHT_FRAMES);
+    EXPECT_EQ(agent["frames_dropped"], 0);
+    EXPECT_LT(agent["ate_m"]["none"]["rmse"], 0.5);  // m; the flight is a few metres long
+    EXPECT_GT(agent["link"]["request"]["sent"], 0);
+    EXPECT_GT(agent["link"]["request"]["received"], 0);
+    EXPECT_FALSE(agent.contains("incomplete"));
+  }
+  EXPECT_TRUE(fs::exists(run_ / "report.html"));
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("uav0"), HasSubstr("uav1"), HasSubstr("alone")));
+}
+
+TEST_F(Team, LockstepGivesTheSameBytesWhateverTheMachinesLoad) {
+  CoveyProcess quiet(command({}));
+  ASSERT_EQ(quiet.finish(), 0) << quiet.output();
+  const std::string first = trajectories();
+  ASSERT_GT(first.size(), 1000U);
+
+  const Load load;
+  CoveyProcess busy(command({"--force"}));
+  ASSERT_EQ(busy.finish(), 0) << busy.output();
+  EXPECT_TRUE(trajectories() == first);
+}
+
+TEST_F(Team, OneThatIsKilledIsNamedAndTheOthersFinish) {
+  CoveyProcess covey(command({}));
+  ASSERT_TRUE(covey.wait_for("flown")) << covey.output();
+  ASSERT_TRUE(signal_agent("uav0", SIGSTOP));  // in lockstep the flight waits for it
+  ASSERT_TRUE(signal_agent("uav1", SIGKILL));
+  ASSERT_TRUE(signal_agent("uav0", SIGCONT));
+  EXPECT_EQ(covey.finish(), 1) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("covey: uav1 killed by signal 9 (SIGKILL)"));
+  const json agents = summary()["agents"];
+  EXPECT_EQ(agents["uav0"]["frames"], COVEY_TEST_FLIGHT_FRAMES);
+  EXPECT_FALSE(agents["uav0"].contains("incomplete"));
+  EXPECT_EQ(agents["uav1"]["incomplete"], "killed by signal 9 (SIGKILL)");
+}
+
+TEST_F(Team, CtrlCStopsAllAndKeepsWhatWasFlown) {
+  CoveyProcess covey(command({"--pace", "0.2"}));
+  ASSERT_TRUE(covey.wait_for("flown")) << covey.output();
+  covey.send(SIGINT);
+  EXPECT_EQ(covey.finish(), 1) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("covey: interrupted"));
+  EXPECT_EQ(summary()["agents"]["uav0"]["incomplete"], "interrupted");
+  EXPECT_FALSE(find_process((run_ / "uav0" / "config.json").string()));
+}
+
+TEST_F(Team, ByTheClockItIsAsFastAsAskedFor) {
+  CoveyProcess covey(command({"--pace", "1", "--mode", "solo", "--agents", "uav0"}));
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  const json agent = summary()["agents"]["uav0"];
+  EXPECT_EQ(agent["frames"].get<int>() + agent["frames_dropped"].get<int>(),
+            COVEY_TEST_FLIGHT_FRAMES);
+  EXPECT_LT(summary()["real_time_factor"], 1.05);
+  EXPECT_TRUE(agent["link"].is_null());
+  EXPECT_FALSE(summary()["agents"].contains("uav1"));
+}
+
+TEST_F(Team, AnUnknownKeyOfTheConfigurationIsNamedBeforeAnythingStarts) {
+  const std::string file = testing::TempDir() + "covey_team_unknown_key.json";
+  std::ofstream(file) << R"({"estimator": {"max_clone": 3}})";
+  CoveyProcess covey(command({"--config", file}));
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(),
+              AllOf(HasSubstr("covey: "), HasSubstr("estimator.max_clone"), HasSubstr(file)));
+  EXPECT_FALSE(fs::exists(run_));
+}
+
+TEST_F(Team, ARunThatIsThereIsNotOverwritten) {
+  fs::create_directories(run_);
+  std::ofstream(run_ / "notes.txt") << "mine";
+  CoveyProcess covey(command({}));
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("is not empty"), HasSubstr("--force")));
+}
+
+TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
+  const fs::path broken = run_.string() + "_dataset";
+  fs::remove_all(broken);
+  fs::create_directories(broken);
+  fs::copy(kDataset, broken, fs::copy_options::recursive);
+  std::ofstream(broken / "uav1" / "mav0" / "imu0" / "data.csv", std::ios::app) << "12,nonsense\n";
+  CoveyProcess covey({"team", broken.string(), "--out", run_.string()});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("covey: uav1: "), HasSubstr("imu0/data.csv:"),
+                                    HasSubstr("uav1 could not start")));
+  fs::remove_all(broken);
+}
+
+TEST_F(Team, UnknownDronesFlagsAndPacesAreBadUsage) {
+  CoveyProcess drone(command({"--agents", "uav0,uav9"}));
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(), HasSubstr("no drone 'uav9'"));
+  CoveyProcess pace(command({"--pace", "fast"}));
+  EXPECT_EQ(pace.finish(), 2);
+  EXPECT_THAT(pace.output(), AllOf(HasSubstr("covey: "), HasSubstr("'fast'")));
+  CoveyProcess flag(command({"--modes", "solo"}));
+  EXPECT_EQ(flag.finish(), 2);
+  CoveyProcess exchange(command({"--exchange", "naive"}));
+  EXPECT_EQ(exchange.finish(), 1);
+  EXPECT_THAT(exchange.output(), HasSubstr("compact is the one that works"));
+}
+
+TEST(FreeDomain, TwoTeamsNeverGetTheSame) {
+  const FreeDomain one, other;
+  EXPECT_NE(one.id(), other.id());
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/checks.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "tests/comms/samples.h"
+
+namespace covey {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+template <typename Message>
+std::string problem_after(Message message, const std::function<void(Message&)>& damage) {
+  damage(message);
+  return problem_with(message).value_or("");
+}
+std::string advert_problem(const std::function<void(PlaceAdvert&)>& damage) {
+  return problem_after<PlaceAdvert>(samples::advert(), damage);
+}
+std::string landmark_problem(const std::function<void(PeerLandmark&)>& damage) {
+  return problem_after<PeerKeyframe>(samples::keyframe(),
+                                     [&](auto& keyframe) { damage(keyframe.landmarks[17]); });
+}
+std::string odometry_problem(const std::function<void(Odometry&)>& damage) {
+  return problem_after<Odometry>(samples::odometry(), damage);
+}
+
+TEST(Checks, GoodMessagesHaveNoProblem) {
+  EXPECT_EQ(problem_with(samples::advert()).value_or(""), "");
+  EXPECT_EQ(problem_with(samples::keyframe()).value_or(""), "");
+  EXPECT_EQ(problem_with(samples::status()).value_or(""), "");
+  EXPECT_EQ(problem_with(samples::odometry()).value_or(""), "");
+  EXPECT_EQ(problem_with(Odometry{}).value_or(""), "");  // before initialisation: no covariance yet
+}
+
+TEST(Checks, NamesAreShortAndPlain) {
+  EXPECT_TRUE(is_agent_name("uav0"));
+  EXPECT_TRUE(is_agent_name("Red_Kite-12"));
+  EXPECT_TRUE(is_agent_name(std::string(32, 'a')));
+  EXPECT_FALSE(is_agent_name(""));
+  EXPECT_FALSE(is_agent_name(std::string(33, 'a')));
+  EXPECT_FALSE(is_agent_name("../uav0"));
+  EXPECT_FALSE(is_agent_name("uav 0"));
+  EXPECT_FALSE(is_agent_name("uav\n"));
+  EXPECT_FALSE(is_agent_name(std::string("uav\0", 4)));
+  EXPECT_FALSE(is_agent_name("dr\xc3\xb6hne"));
+}
+
+TEST(Checks, AdvertNeedsASenderAStampAndADescriptor) {
+  EXPECT_EQ(advert_problem([](auto& a) { a.sender = ""; }), "sender is not a drone's name");
+  EXPECT_EQ(advert_problem([](auto& a) { a.stamp_ns = -1; }), "stamp not plausible");
+  EXPECT_EQ(advert_problem([](auto& a) { a.stamp_ns = std::numeric_limits<TimeNs>::max(); }),
+            "stamp not plausible");
+  EXPECT_EQ(advert_problem([](auto& a) { a.descriptor.clear(); }), "place descriptor is empty");
+  EXPECT_EQ(advert_problem([](auto& a) { a.descriptor.resize(4097); }),
+            "place descriptor too long");
+}
+
+TEST(Checks, KeyframeNeedsNamesAndABoundedSetOfLandmarks) {
+  const auto problem = [](const std::function<void(PeerKeyframe&)>& damage) {
+    return problem_after<PeerKeyframe>(samples::keyframe(), damage);
+  };
+  EXPECT_EQ(problem([](auto& k) { k.sender = "uav/0"; }), "sender is not a drone's name");
+  EXPECT_EQ(problem([](auto& k) { k.receiver = ""; }), "receiver is not a drone's name");
+  EXPECT_EQ(problem([](auto& k) { k.stamp_ns = -5; }), "stamp not plausible");
+  EXPECT_EQ(problem([](auto& k) { k.landmarks[3] = k.landmarks[30]; }),
+            "two landmarks with one id");
+  EXPECT_EQ(problem([](auto& k) { k.landmarks.resize(257); }), "too many landmarks");
+  EXPECT_EQ(problem([](auto& k) { k.landmarks.clear(); }), "");
+}
+
+TEST(Checks, LandmarkNumbersAreFiniteAndPlausible) {
+  for (const double bad : {kNan, kInfinity, -kInfinity, 1e30}) {
+    EXPECT_EQ(landmark_problem([&](auto& l) { l.bearing.x() = bad; }), "bearing not plausible");
+    EXPECT_EQ(landmark_problem([&](auto& l) { l.estimate.p_world.z() = bad; }),
+              "landmark position not plausible");
+    EXPECT_NE(landmark_problem([&](auto& l) { l.estimate.covariance(1, 1) = bad; }), "");
+    EXPECT_NE(landmark_problem([&](auto& l) { l.estimate.covariance(0, 2) = bad; }), "");
+  }
+}
+
+TEST(Checks, LandmarkCovarianceIsPositiveDefinite) {
+  const std::string complaint = "landmark covariance not positive definite or not plausible";
+  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance(2, 2) = -1e-4; }), complaint);
+  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance.setZero(); }), complaint);
+  // Correlations above one: every diagonal is fine.
+  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance(0, 1) = 2.0; }), complaint);
+  // Rank one: some direction would be known exactly, and would pin the filter down.
+  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance.setOnes(); }), complaint);
+  EXPECT_EQ(landmark_problem(
+                [](auto& l) { l.estimate.covariance = 1e-14 * Eigen::Matrix3d::Identity(); }),
+            complaint);
+}
+
+TEST(Checks, StatusIsOneOfTheFour) {
+  const auto problem = problem_after<AgentStatus>(
+      samples::status(), [](auto& s) { s.status = static_cast<FilterStatus>(4); });
+  EXPECT_EQ(problem, "unknown filter status");
+}
+
+TEST(Checks, OdometryHasAUnitQuaternion) {
+  const std::string complaint = "attitude is not a unit quaternion";
+  EXPECT_EQ(odometry_problem([](auto& o) { o.pose.q_world_imu.coeffs().setZero(); }), complaint);
+  EXPECT_EQ(odometry_problem([](auto& o) { o.pose.q_world_imu.coeffs() *= 1.01; }), complaint);
+  EXPECT_EQ(odometry_problem([](auto& o) { o.pose.q_world_imu.w() = kNan; }), complaint);
+}
+
+TEST(Checks, OdometryNumbersAreFiniteAndPlausible) {
+  for (const double bad : {kNan, kInfinity, -1e9}) {
+    EXPECT_NE(odometry_problem([&](auto& o) { o.pose.p_world_imu.y() = bad; }), "");
+    EXPECT_NE(odometry_problem([&](auto& o) { o.v_world_imu.x() = bad; }), "");
+    EXPECT_NE(odometry_problem([&](auto& o) { o.gyro_bias.z() = bad; }), "");
+    EXPECT_NE(odometry_problem([&](auto& o) { o.accel_bias.z() = bad; }), "");
+    EXPECT_NE(odometry_problem([&](auto& o) { o.pose_covariance(5, 5) = bad; }), "");
+    EXPECT_NE(odometry_problem([&](auto& o) { o.pose_covariance(0, 5) = bad; }), "");
+  }
+  EXPECT_NE(odometry_problem([](auto& o) { o.pose_covariance.setZero(); }), "");
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A participant that is not ours: it says what no link of ours would say, and listens to what links
+// only say.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <mutex>
+#include <string>
+
+#include "comms/byte_type.h"
+#include "comms/qos.h"
+#include "tests/comms/samples.h"
+#include "tests/comms/team_config.h"
+
+namespace covey {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+
+// A value that one thread sets and another waits for.
+template <typename T>
+class Awaited {
+ public:
+  void set(T value) {
+    const std::lock_guard lock(mutex_);
+    value_ = std::move(value);
+    changed_.notify_all();
+  }
+  template <typename Test>
+  T wait_until(Test test, std::chrono::milliseconds patience = kPatience) {
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, patience, [&] { return test(value_); });
+    return value_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  T value_{};
+};
+
+class Stranger : public dds::DataWriterListener, public dds::DataReaderListener {
+ public:
+  Stranger() : config_(team_config("stranger")) {
+    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(config_.domain),
+        participant_qos(config_, std::make_shared<WireCounters>()));
+    if (participant_ == nullptr) throw std::runtime_error("no participant");
+  }
+  ~Stranger() override {
+    participant_->delete_contained_entities();
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  Stranger(const Stranger&) = delete;
+  Stranger& operator=(const Stranger&) = delete;
+
+  // Returns a writer that has found its reader.
+  dds::DataWriter* writer(Kind kind, const std::string& topic, const std::string& type,
+                          std::size_t max_bytes) {
+    dds::Publisher* publisher = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+    dds::DataWriter* out = publisher->create_datawriter(create_topic(topic, type, max_bytes),
+                                                        writer_qos(kind, config_), this);
+    if (matched_.wait_until([](int count) { return count > 0; }) == 0)
+      throw std::runtime_error("no match for " + topic);
+    return out;
+  }
+  void listen(Kind kind, const std::string& topic, const std::string& type) {
+    dds::Subscriber* subscriber = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+    subscriber->create_datareader(create_topic(topic, type, 1024), reader_qos(kind, config_), this);
+    if (matched_.wait_until([](int count) { return count > 0; }) == 0)
+      throw std::runtime_error("no match for " + topic);
+  }
+  Bytes heard_within(std::chrono::milliseconds time) {
+    return heard_.wait_until([](const Bytes& bytes) { return !bytes.empty(); }, time);
+  }
+  [[nodiscard]] std::string topic(const std::string& name) const {
+    return "covey/" + config_.team + "/" + name;
+  }
+
+  void on_publication_matched(dds::DataWriter* /*writer*/,
+                              const dds::PublicationMatchedStatus& status) override {
+    matched_.set(status.current_count);
+  }
+  void on_subscription_matched(dds::DataReader* /*reader*/,
+                               const dds::SubscriptionMatchedStatus& status) override {
+    matched_.set(status.current_count);
+  }
+  void on_data_available(dds::DataReader* reader) override {
+    ByteSample sample;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK)
+      if (info.valid_data) heard_.set(sample.bytes);
+  }
+
+ private:
+  dds::Topic* create_topic(const std::string& topic, const std::string& type,
+                           std::size_t max_bytes) {
+    dds::TypeSupport(new ByteType(type, max_bytes)).register_type(participant_);
+    return participant_->create_topic(topic, type, dds::TOPIC_QOS_DEFAULT);
+  }
+
+  const LinkConfig config_;
+  dds::DomainParticipant* participant_ = nullptr;
+  Awaited<int> matched_;
+  Awaited<Bytes> heard_;
+};
+
+bool say(dds::DataWriter* writer, Bytes bytes) {
+  ByteSample sample{std::move(bytes)};
+  return writer->write(&sample);
+}
+
+TEST(ForeignDds, BrokenSamplesAreCountedAndTheLinkGoesOn) {
+  PeerLink link(team_config("uav0"));
+  Stranger stranger;
+  dds::DataWriter* writer = stranger.writer(Kind::kMessage, stranger.topic("request"),
+                                            "covey::wire::RequestUAV", kMaxRequestBytes);
+  Bytes bad_header = encode(samples::advert("uav1"));
+  bad_header[0] = 0xff;
+  Bytes truncated = encode(samples::advert("uav1"));
+  truncated.resize(500);
+  std::uint64_t sent = 0;
+  for (const Bytes& bytes : {bad_header, truncated, Bytes{0, 1, 0, 0}, Bytes{0, 1, 0, 0, 1}}) {
+    ASSERT_TRUE(say(writer, bytes));
+    ASSERT_TRUE(link.wait_for_inbox({++sent, 0}, kPatience));
+  }
+  ASSERT_TRUE(say(writer, encode(samples::advert("uav1", 77))));
+  ASSERT_TRUE(link.wait_for_inbox({++sent, 0}, kPatience));
+
+  auto rejected = link.statistics().rejected["unknown"];
+  EXPECT_EQ(rejected["unknown encapsulation"], 1u);
+  EXPECT_EQ(rejected["sample ends too early"], 2u);
+  EXPECT_EQ(rejected["sample too short"], 1u);
+  const std::vector<Inbound> inbox = link.take();
+  ASSERT_EQ(inbox.size(), 1u);
+  EXPECT_EQ(std::get<PlaceAdvert>(inbox[0]).keyframe_id, 77u);
+}
+
+// Its fragments alone would take a megabyte of every reader.
+TEST(ForeignDds, AnOversizedSampleIsNotAssembled) {
+  PeerLink link(team_config("uav0"));
+  Stranger stranger;
+  constexpr std::size_t kHuge = 1 << 20;
+  dds::DataWriter* writer = stranger.writer(Kind::kMessage, stranger.topic("message/uav0"),
+                                            "covey::wire::MessageUAV", kHuge);
+  Bytes huge = encode(samples::keyframe("uav1", "uav0"));
+  huge.resize(kHuge);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(say(writer, huge));
+  ASSERT_TRUE(say(writer, encode(samples::keyframe("uav1", "uav0"))));
+  ASSERT_TRUE(link.wait_for_inbox({0, 1}, kPatience));
+  EXPECT_EQ(link.arrived().messages, 1u);
+  EXPECT_TRUE(link.statistics().rejected.empty());
+  EXPECT_GE(link.statistics().dds_errors, 3u);
+  EXPECT_THAT(link.statistics().last_dds_error, testing::HasSubstr("1048576"));
+}
+
+TEST(ForeignDds, ABrokenStatusDoesNotKeepDronesApart) {
+  PeerLink link(team_config("uav0")), peer(team_config("uav1"));
+  Stranger stranger;
+  dds::DataWriter* writer = stranger.writer(Kind::kStatus, stranger.topic("status"),
+                                            "covey::wire::AgentStatus", kMaxStatusBytes);
+  for (const Bytes& bytes : {Bytes{0xff, 0xff, 0, 0}, Bytes{0, 1, 0, 0, 1, 0, 0, 0, 255, 255, 255}})
+    ASSERT_TRUE(say(writer, bytes));
+  EXPECT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
+  EXPECT_TRUE(peer.wait_for_peers({"uav0"}, kPatience));
+}
+
+TEST(ForeignDds, AGroundStationReadsOdometry) {
+  PeerLink link(team_config("uav0"));
+  Stranger ground;
+  ground.listen(Kind::kOdometry, ground.topic("odometry"), "covey::wire::Odometry");
+  // Best effort, and the drone may not know its listener yet: it says it until it is heard.
+  Bytes bytes;
+  const auto start = std::chrono::steady_clock::now();
+  while (bytes.empty() && std::chrono::steady_clock::now() - start < kPatience) {
+    ASSERT_TRUE(link.publish(samples::odometry()));
+    bytes = ground.heard_within(std::chrono::milliseconds(20));
+  }
+  const auto decoded = decode_odometry(bytes);
+  ASSERT_TRUE(std::holds_alternative<OdometrySample>(decoded));
+  EXPECT_EQ(std::get<OdometrySample>(decoded).agent, "uav0");
+}
+
+}  // namespace
+}  // namespace covey

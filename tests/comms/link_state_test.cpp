@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/link_state.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/comms/samples.h"
+
+namespace covey {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+PeerId uav1_id() {
+  PeerId out{};
+  out[0] = 1;
+  return out;
+}
+
+TEST(LinkState, TheInboxKeepsTheOrderOfArrivalAcrossKinds) {
+  LinkState state("uav0", 8);
+  state.receive(Kind::kRequest, encode(samples::advert("uav1", 1)), uav1_id());
+  state.receive(Kind::kMessage, encode(samples::keyframe("uav1", "uav0")), uav1_id());
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {}}), uav1_id());
+  state.receive(Kind::kRequest, encode(samples::advert("uav1", 2)), uav1_id());
+  const std::vector<Inbound> inbox = state.take();
+  ASSERT_EQ(inbox.size(), 4u);
+  EXPECT_EQ(std::get<PlaceAdvert>(inbox[0]).keyframe_id, 1u);
+  EXPECT_EQ(std::get<PeerKeyframe>(inbox[1]).sender, "uav1");
+  EXPECT_EQ(std::get<AgentStatus>(inbox[2]).agent, "uav1");
+  EXPECT_EQ(std::get<PlaceAdvert>(inbox[3]).keyframe_id, 2u);
+  EXPECT_TRUE(state.take().empty());
+}
+
+TEST(LinkState, AFullInboxDropsItsOldestAndCounts) {
+  LinkState state("uav0", 3);
+  for (std::uint64_t i = 1; i <= 5; ++i)
+    state.receive(Kind::kRequest, encode(samples::advert("uav1", i)), uav1_id());
+  const std::vector<Inbound> inbox = state.take();
+  ASSERT_EQ(inbox.size(), 3u);
+  EXPECT_EQ(std::get<PlaceAdvert>(inbox[0]).keyframe_id, 3u);
+  EXPECT_EQ(std::get<PlaceAdvert>(inbox[2]).keyframe_id, 5u);
+  EXPECT_EQ(state.statistics().inbox_dropped, 2u);
+  EXPECT_EQ(state.arrived().requests, 5u);
+}
+
+TEST(LinkState, RejectionsAreCountedByPeerAndReason) {
+  LinkState state("uav0", 8);
+  state.receive(Kind::kRequest, Bytes{0, 1, 0, 0}, uav1_id());
+  state.name_peer(uav1_id(), "uav1");
+  Bytes other_version = encode(samples::advert("uav1"));
+  other_version[4] = 2;
+  state.receive(Kind::kRequest, other_version, uav1_id());
+  state.receive(Kind::kRequest, other_version, uav1_id());
+  state.receive(Kind::kMessage, encode(samples::keyframe("uav1", "uav2")), uav1_id());
+  state.receive(Kind::kMessage, encode(samples::keyframe("uav0", "uav0")), uav1_id());
+  auto rejected = state.statistics().rejected;
+  EXPECT_EQ(rejected["unknown"]["sample too short"], 1u);
+  EXPECT_EQ(rejected["uav1"]["another version of the messages"], 2u);
+  EXPECT_EQ(rejected["uav1"]["meant for another drone"], 1u);
+  EXPECT_EQ(rejected["uav1"]["another drone bears this drone's name"], 1u);
+  EXPECT_TRUE(state.take().empty());
+  EXPECT_EQ(state.statistics().request.received, 0u);
+  // They have arrived all the same: a lockstep run does not wait for them for ever.
+  EXPECT_EQ(state.arrived().requests, 3u);
+  EXPECT_EQ(state.arrived().messages, 2u);
+}
+
+TEST(LinkState, AStatusThatOnlyRepeatsItselfIsDeliveredOnce) {
+  LinkState state("uav0", 8);
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {}}), uav1_id());
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {7}}), uav1_id());
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 2), {7}}), uav1_id());
+  EXPECT_EQ(state.take().size(), 2u);
+  EXPECT_EQ(state.statistics().status.received, 2u);
+}
+
+TEST(LinkState, PayloadBytesAreThoseOfTheSamples) {
+  LinkState state("uav0", 8);
+  const Bytes sample = encode(samples::keyframe("uav1", "uav0"));
+  state.receive(Kind::kMessage, sample, uav1_id());
+  EXPECT_EQ(state.statistics().message.payload_bytes_received, sample.size());
+}
+
+TEST(LinkState, AWaitForTheInboxEndsWhenEnoughHasArrived) {
+  LinkState state("uav0", 8);
+  bool arrived = false;
+  std::thread waiter([&] { arrived = state.wait_for_inbox({2, 1}, seconds(30)); });
+  state.receive(Kind::kRequest, encode(samples::advert("uav1", 1)), uav1_id());
+  state.receive(Kind::kMessage, encode(samples::keyframe("uav1", "uav0")), uav1_id());
+  state.receive(Kind::kRequest, encode(samples::advert("uav1", 2)), uav1_id());
+  waiter.join();
+  EXPECT_TRUE(arrived);
+  EXPECT_FALSE(state.wait_for_inbox({3, 1}, milliseconds(1)));
+  EXPECT_FALSE(state.wait_for_inbox({2, 2}, milliseconds(1)));
+}
+
+TEST(LinkState, ClosingEndsEveryWait) {
+  LinkState state("uav0", 8);
+  bool inbox = true, peers = true, housekeeping = true;
+  std::thread a([&] { inbox = state.wait_for_inbox({1, 0}, seconds(60)); });
+  std::thread b([&] {
+    peers = state.wait_for_peers([](const auto& linked) { return !linked.empty(); }, seconds(60));
+  });
+  std::thread c([&] { housekeeping = state.wait_for_housekeeping().has_value(); });
+  state.close();
+  a.join();
+  b.join();
+  c.join();
+  EXPECT_FALSE(inbox);
+  EXPECT_FALSE(peers);
+  EXPECT_FALSE(housekeeping);
+}
+
+}  // namespace
+}  // namespace covey

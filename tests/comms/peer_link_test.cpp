@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/peer_link.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <thread>
+
+#include "comms/convert.h"
+#include "tests/comms/samples.h"
+#include "tests/comms/team_config.h"
+
+namespace covey {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+LinkConfig lockstep_config(const std::string& agent) {
+  LinkConfig config = team_config(agent);
+  config.profile = LinkProfile::kLockstep;
+  return config;
+}
+
+template <typename Message>
+std::vector<Message> taken(PeerLink& link) {
+  std::vector<Message> out;
+  for (Inbound& inbound : link.take())
+    if (auto* message = std::get_if<Message>(&inbound)) out.push_back(std::move(*message));
+  return out;
+}
+
+// The reason why a link with this configuration cannot be made.
+std::string complaint(const std::function<void(LinkConfig&)>& damage) {
+  LinkConfig config = team_config("uav0");
+  damage(config);
+  try {
+    const PeerLink link(config);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(PeerLink, AConfigurationThatCannotWorkIsRefusedByName) {
+  EXPECT_THAT(complaint([](auto& c) { c.agent = ""; }), HasSubstr("agent"));
+  EXPECT_THAT(complaint([](auto& c) { c.agent = "a/b"; }), HasSubstr("a/b"));
+  EXPECT_THAT(complaint([](auto& c) { c.team = "two words"; }), HasSubstr("two words"));
+  EXPECT_THAT(complaint([](auto& c) { c.domain = 201; }), HasSubstr("domain 201 is not in 0..200"));
+  EXPECT_THAT(complaint([](auto& c) { c.max_agents = 1; }), HasSubstr("max_agents 1"));
+  EXPECT_THAT(complaint([](auto& c) { c.inbox_limit = 0; }), HasSubstr("inbox_limit"));
+  EXPECT_THAT(complaint([](auto& c) {
+                c.loopback_only = false;
+                c.interfaces = {"localhost"};  // a name
+                c.initial_peers = {"127.0.0.1"};
+              }),
+              HasSubstr("localhost"));
+  EXPECT_THAT(complaint([](auto& c) {
+                c.loopback_only = false;
+                c.interfaces = {"127.0.0.1"};
+                c.initial_peers = {"uav1.local"};
+              }),
+              HasSubstr("uav1.local"));
+  EXPECT_THAT(complaint([](auto& c) {
+                c.loopback_only = false;
+                c.interfaces = {"192.0.2.1"};  // never assigned (RFC 5737)
+                c.initial_peers = {"127.0.0.1"};
+              }),
+              HasSubstr("no address of this machine, which has: 127.0.0.1"));
+}
+
+TEST(PeerLink, ADiscoveryServerFromTheEnvironmentIsRefused) {
+  setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:11811", 1);
+  EXPECT_THAT(complaint([](auto&) {}), HasSubstr("ROS_DISCOVERY_SERVER"));
+  unsetenv("ROS_DISCOVERY_SERVER");
+}
+
+TEST(PeerLink, ARequestReachesEverybodyAndItsAnswerOnlyTheAsker) {
+  PeerLink asker(team_config("uav0")), other(team_config("uav1")), third(team_config("uav2"));
+  ASSERT_TRUE(asker.wait_for_peers({"uav1", "uav2"}, kPatience));
+  ASSERT_TRUE(other.wait_for_peers({"uav0", "uav2"}, kPatience));
+  ASSERT_TRUE(third.wait_for_peers({"uav0", "uav1"}, kPatience));
+
+  const PlaceAdvert advert = samples::advert("uav0", 5);
+  ASSERT_TRUE(asker.send(advert));
+  ASSERT_TRUE(other.wait_for_inbox({1, 0}, kPatience));
+  ASSERT_TRUE(third.wait_for_inbox({1, 0}, kPatience));
+  const auto heard = taken<PlaceAdvert>(other);
+  ASSERT_EQ(heard.size(), 1u);
+  EXPECT_EQ(heard[0].descriptor, advert.descriptor);
+
+  PeerKeyframe answer = samples::keyframe("uav1", "uav0");
+  answer.request_keyframe_id = heard[0].keyframe_id;
+  ASSERT_TRUE(other.send(answer));
+  ASSERT_TRUE(asker.wait_for_inbox({0, 1}, kPatience));
+  const auto answers = taken<PeerKeyframe>(asker);
+  ASSERT_EQ(answers.size(), 1u);
+  EXPECT_EQ(answers[0].request_keyframe_id, 5u);
+  EXPECT_EQ(answers[0].landmarks.size(), answer.landmarks.size());
+
+  // Another request that the third one hears: what was sent before it would have arrived.
+  ASSERT_TRUE(other.send(samples::advert("uav1", 6)));
+  ASSERT_TRUE(third.wait_for_inbox({2, 0}, kPatience));
+  EXPECT_EQ(third.arrived().messages, 0u);
+  ASSERT_TRUE(asker.wait_for_inbox({1, 0}, kPatience));
+  EXPECT_EQ(asker.arrived().requests, 1u);  // its own is not among them
+}
+
+TEST(PeerLink, StatisticsAgreeOnBothSides) {
+  PeerLink a(team_config("uav0")), b(team_config("uav1"));
+  ASSERT_TRUE(a.wait_for_peers(1, kPatience));
+  const PlaceAdvert advert = samples::advert("uav0");
+  const PeerKeyframe keyframe = samples::keyframe("uav0", "uav1");
+  ASSERT_TRUE(a.send(advert));
+  ASSERT_TRUE(a.send(keyframe));
+  ASSERT_TRUE(b.wait_for_inbox({1, 1}, kPatience));
+  const LinkStatistics sent = a.statistics(), received = b.statistics();
+  EXPECT_EQ(sent.request.sent, 1u);
+  EXPECT_EQ(sent.request.payload_bytes_sent, encode(advert).size());
+  EXPECT_EQ(received.request.received, 1u);
+  EXPECT_EQ(received.request.payload_bytes_received, sent.request.payload_bytes_sent);
+  EXPECT_EQ(sent.message.payload_bytes_sent, encode(keyframe).size());
+  EXPECT_EQ(received.message.payload_bytes_received, sent.message.payload_bytes_sent);
+  EXPECT_THAT(sent.messages_sent_to, ElementsAre(std::pair("uav1", 1u)));
+  EXPECT_THAT(received.rejected, IsEmpty());
+  const std::uint64_t payload = sent.request.payload_bytes_sent + sent.message.payload_bytes_sent;
+  EXPECT_GT(sent.wire_bytes_sent, payload);
+  EXPECT_GT(received.wire_bytes_received, payload);
+  EXPECT_LT(received.wire_bytes_received, 20 * payload);
+}
+
+TEST(PeerLink, WhatOthersWouldRefuseIsNotSent) {
+  PeerLink link(team_config("uav0"));
+  EXPECT_FALSE(link.send(samples::advert("uav1")));
+  PlaceAdvert empty = samples::advert("uav0");
+  empty.descriptor.clear();
+  EXPECT_FALSE(link.send(empty));
+  EXPECT_FALSE(link.send(samples::keyframe("uav0", "nobody")));
+  Odometry broken = samples::odometry();
+  broken.pose.q_world_imu.coeffs().setZero();
+  EXPECT_FALSE(link.publish(broken));
+  const LinkStatistics statistics = link.statistics();
+  EXPECT_EQ(statistics.request.sent, 0u);
+  EXPECT_EQ(statistics.request.refused, 2u);
+  EXPECT_EQ(statistics.message.refused, 1u);
+  EXPECT_EQ(statistics.odometry.refused, 1u);
+  EXPECT_EQ(statistics.refused.at("sender is not this drone"), 1u);
+  EXPECT_EQ(statistics.refused.at("receiver is not there"), 1u);
+}
+
+TEST(PeerLink, ALateJoinerLearnsEveryStatusButNoOldRequest) {
+  PeerLink first(team_config("uav0")), second(team_config("uav1"));
+  ASSERT_TRUE(first.wait_for_peers(1, kPatience));
+  ASSERT_TRUE(first.publish(samples::status("uav0", 111)));
+  ASSERT_TRUE(second.publish(samples::status("uav1", 222)));
+  ASSERT_TRUE(first.send(samples::advert("uav0", 1)));
+  ASSERT_TRUE(second.wait_for_inbox({1, 0}, kPatience));
+
+  PeerLink late(team_config("uav2"));
+  ASSERT_TRUE(late.wait_for_peers({"uav0", "uav1"}, kPatience));
+  std::map<std::string, std::uint32_t> frames;
+  for (const AgentStatus& status : taken<AgentStatus>(late)) frames[status.agent] = status.frames;
+  EXPECT_EQ(frames["uav0"], 111u);
+  EXPECT_EQ(frames["uav1"], 222u);
+
+  ASSERT_TRUE(first.wait_for_peers({"uav2"}, kPatience));
+  ASSERT_TRUE(first.send(samples::advert("uav0", 2)));
+  ASSERT_TRUE(late.wait_for_inbox({1, 0}, kPatience));
+  const auto adverts = taken<PlaceAdvert>(late);
+  ASSERT_EQ(adverts.size(), 1u);
+  EXPECT_EQ(adverts[0].keyframe_id, 2u);
+}
+
+TEST(PeerLink, AFullInboxDropsTheOldestAndCounts) {
+  LinkConfig small = lockstep_config("uav0");
+  small.inbox_limit = 4;
+  PeerLink reader(small), writer(lockstep_config("uav1"));
+  ASSERT_TRUE(writer.wait_for_peers({"uav0"}, kPatience));
+  for (std::uint64_t i = 0; i < 50; ++i) ASSERT_TRUE(writer.send(samples::advert("uav1", i)));
+  ASSERT_TRUE(reader.wait_for_inbox({50, 0}, kPatience));
+  const auto adverts = taken<PlaceAdvert>(reader);
+  ASSERT_GE(adverts.size(), 3u);  // a status may have come last
+  EXPECT_LE(adverts.size(), 4u);
+  EXPECT_EQ(adverts.front().keyframe_id, 50 - adverts.size());
+  EXPECT_EQ(adverts.back().keyframe_id, 49u);
+  EXPECT_GE(reader.statistics().inbox_dropped, 46u);
+}
+
+TEST(PeerLink, TeamsOfOneDomainDoNotHearEachOther) {
+  LinkConfig foreign = team_config("uav9");
+  foreign.team += "-b";
+  PeerLink a(team_config("uav0")), b(team_config("uav1")), stranger(foreign);
+  ASSERT_TRUE(a.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(stranger.send(samples::advert("uav9")));
+  ASSERT_TRUE(b.send(samples::advert("uav1")));
+  ASSERT_TRUE(a.wait_for_inbox({1, 0}, kPatience));
+  EXPECT_EQ(taken<PlaceAdvert>(a)[0].sender, "uav1");
+  EXPECT_THAT(a.peers(), ElementsAre("uav1"));
+}
+
+TEST(PeerLink, ALinkThatIsDestroyedIsMissedAndItsSuccessorIsFound) {
+  PeerLink stays(team_config("uav0"));
+  // More often than there are ports to look at.
+  for (std::uint64_t round = 1; round <= 10; ++round) {
+    PeerLink comes_and_goes(team_config("uav1"));
+    ASSERT_TRUE(stays.wait_for_peers({"uav1"}, kPatience));
+    ASSERT_TRUE(comes_and_goes.wait_for_peers({"uav0"}, kPatience));
+    ASSERT_TRUE(stays.send(samples::keyframe("uav0", "uav1")));
+    ASSERT_TRUE(comes_and_goes.wait_for_inbox({0, 1}, kPatience));
+  }
+  EXPECT_EQ(stays.statistics().messages_sent_to.at("uav1"), 10u);
+}
+
+TEST(PeerLink, ALockstepLinkSaysEverythingBeforeItGoes) {
+  PeerLink reader(lockstep_config("uav0"));
+  std::optional<PeerLink> writer(lockstep_config("uav1"));
+  ASSERT_TRUE(writer->wait_for_peers({"uav0"}, kPatience));
+  for (std::uint64_t i = 0; i < 20; ++i) {
+    ASSERT_TRUE(writer->send(samples::advert("uav1", i)));
+    ASSERT_TRUE(writer->send(samples::keyframe("uav1", "uav0", 200)));
+  }
+  writer.reset();
+  EXPECT_TRUE(reader.wait_for_inbox({20, 20}, kPatience));
+}
+
+TEST(PeerLink, DestroyingALinkAmidItsTrafficHarmsNobody) {
+  PeerLink reader(team_config("uav0"));
+  std::optional<PeerLink> writer(team_config("uav1"));
+  ASSERT_TRUE(writer->wait_for_peers({"uav0"}, kPatience));
+  for (std::uint64_t i = 0; i < 20; ++i) ASSERT_TRUE(writer->send(samples::advert("uav1", i)));
+  writer.reset();
+  PeerLink successor(team_config("uav1"));
+  EXPECT_TRUE(successor.wait_for_peers({"uav0"}, kPatience));
+}
+
+TEST(PeerLink, WithNobodyThereNothingIsLeftToFlush) {
+  PeerLink link(lockstep_config("uav0"));
+  ASSERT_TRUE(link.send(samples::advert("uav0")));
+  EXPECT_TRUE(link.flush(std::chrono::milliseconds(100)));
+}
+
+TEST(PeerLink, ALinkCanBeMoved) {
+  PeerLink a(team_config("uav0"));
+  PeerLink moved = std::move(a);
+  PeerLink b(team_config("uav1"));
+  ASSERT_TRUE(moved.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(b.send(samples::advert("uav1")));
+  EXPECT_TRUE(moved.wait_for_inbox({1, 0}, kPatience));
+}
+
+TEST(PeerLink, NamedInterfacesAndHostsWorkWithoutLoopbackOnly) {
+  const auto config = [](const std::string& agent) {
+    LinkConfig out = team_config(agent);
+    out.loopback_only = false;
+    out.interfaces = {"127.0.0.1"};
+    out.initial_peers = {"127.0.0.1"};
+    return out;
+  };
+  PeerLink a(config("uav0")), b(config("uav1"));
+  EXPECT_TRUE(a.wait_for_peers({"uav1"}, kPatience));
+  EXPECT_TRUE(b.wait_for_peers({"uav0"}, kPatience));
+}
+
+// The longest messages, in both directions at once, by two threads of one link.
+TEST(PeerLink, ThreadsMayShareALink) {
+  constexpr std::uint64_t kCount = 40;
+  PeerLink a(lockstep_config("uav0")), b(lockstep_config("uav1"));
+  ASSERT_TRUE(a.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(b.wait_for_peers({"uav0"}, kPatience));
+  const auto talk = [](PeerLink& link, const std::string& self, const std::string& peer) {
+    std::thread requests([&] {
+      for (std::uint64_t i = 0; i < kCount; ++i) link.send(samples::advert(self, i));
+    });
+    for (std::uint64_t i = 0; i < kCount; ++i) {
+      link.send(samples::keyframe(self, peer, 256));
+      link.publish(samples::status(self, static_cast<std::uint32_t>(i)));
+      link.publish(samples::odometry());
+    }
+    requests.join();
+  };
+  std::thread other([&] { talk(b, "uav1", "uav0"); });
+  talk(a, "uav0", "uav1");
+  other.join();
+  EXPECT_TRUE(a.wait_for_inbox({kCount, kCount}, kPatience));
+  EXPECT_TRUE(b.wait_for_inbox({kCount, kCount}, kPatience));
+  EXPECT_THAT(a.statistics().refused, IsEmpty());
+  EXPECT_THAT(a.statistics().rejected, IsEmpty());
+}
+
+}  // namespace
+}  // namespace covey

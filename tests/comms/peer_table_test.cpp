@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/peer_table.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace covey {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr std::uint64_t kOwnToken = 99;
+
+PeerId id(std::uint8_t number) {
+  PeerId out{};
+  out[11] = number;
+  return out;
+}
+
+void match_all(PeerTable& table, const PeerId& peer) {
+  for (std::size_t i = 0; i < kChannels; ++i)
+    table.change_matches(peer, static_cast<Channel>(i), +1);
+}
+
+TEST(PeerTable, APeerIsLinkedOnceBothSidesHearEachOther) {
+  PeerTable table(8);
+  table.set_name(id(1), "uav1");
+  match_all(table, id(1));
+  EXPECT_THAT(table.heard(), ElementsAre(token(id(1))));
+  EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
+  table.set_hears(id(1), {5, kOwnToken});
+  EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+}
+
+TEST(PeerTable, EachMissingChannelKeepsAPeerFromBeingLinked) {
+  for (std::size_t missing = 0; missing < kChannels; ++missing) {
+    PeerTable table(8);
+    table.set_name(id(1), "uav1");
+    table.set_hears(id(1), {kOwnToken});
+    match_all(table, id(1));
+    table.change_matches(id(1), static_cast<Channel>(missing), -1);
+    EXPECT_THAT(table.linked(kOwnToken), IsEmpty()) << "channel " << missing;
+    EXPECT_THAT(table.heard(), IsEmpty()) << "channel " << missing;
+  }
+}
+
+TEST(PeerTable, ARestartedDroneOfTheSameNameIsAnotherPeer) {
+  PeerTable table(8);
+  table.set_name(id(1), "uav1");
+  table.set_hears(id(1), {kOwnToken});
+  match_all(table, id(1));
+  table.remove(id(1));
+  table.set_name(id(2), "uav1");
+  match_all(table, id(2));
+  EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
+  EXPECT_THAT(table.heard(), ElementsAre(token(id(2))));
+}
+
+TEST(PeerTable, ADeadPeerIsNotLinkedAndComesBack) {
+  PeerTable table(8);
+  table.set_name(id(1), "uav1");
+  table.set_hears(id(1), {kOwnToken});
+  match_all(table, id(1));
+  table.set_alive(id(1), false);
+  EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
+  table.set_alive(id(1), true);
+  EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+}
+
+TEST(PeerTable, LosingAMatchAfterTheParticipantEntersNobody) {
+  PeerTable table(8);
+  table.change_matches(id(1), Channel::kRequestIn, -1);
+  table.set_alive(id(1), true);
+  EXPECT_EQ(table.name_of(id(1)), "unknown");
+  table.change_matches(id(1), Channel::kRequestIn, +1);
+  table.change_matches(id(1), Channel::kRequestIn, -1);
+  table.change_matches(id(1), Channel::kRequestIn, -1);
+  table.set_name(id(1), "uav1");
+  table.set_hears(id(1), {kOwnToken});
+  match_all(table, id(1));  // would not suffice if the count had gone below zero
+  EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+}
+
+TEST(PeerTable, AFloodOfStrangersIsBoundedAndDoesNotPushOutFriends) {
+  PeerTable table(4);
+  table.set_name(id(1), "uav1");
+  match_all(table, id(1));
+  for (std::uint8_t stranger = 10; stranger < 200; ++stranger)
+    table.set_name(id(stranger), "s" + std::to_string(stranger));
+  EXPECT_EQ(table.names().size(), 4u);
+  EXPECT_EQ(table.name_of(id(1)), "uav1");
+}
+
+TEST(PeerTable, OnlyAMatchedReaderCanBeReached) {
+  PeerTable table(8);
+  table.set_name(id(1), "uav1");
+  EXPECT_FALSE(table.reaches("uav1"));
+  table.change_matches(id(1), Channel::kMessageOut, +1);
+  EXPECT_TRUE(table.reaches("uav1"));
+  EXPECT_FALSE(table.reaches("uav2"));
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Well-formed messages for the tests to send, compare and break.
+#pragma once
+
+#include <numeric>
+#include <string>
+
+#include "comms/convert.h"
+#include "estimator/measurements.h"
+
+namespace covey::samples {
+
+inline PlaceAdvert advert(const std::string& sender = "uav0", std::uint64_t keyframe_id = 7) {
+  PlaceAdvert out;
+  out.sender = sender;
+  out.keyframe_id = keyframe_id;
+  out.stamp_ns = 1'403'715'273'262'142'976;  // EuRoC MH_01's first image
+  out.vocabulary_hash = 0x0123456789abcdefULL;
+  out.descriptor.resize(2048);
+  std::iota(out.descriptor.begin(), out.descriptor.end(), std::uint8_t{0});
+  return out;
+}
+
+inline PeerLandmark landmark(std::uint64_t id) {
+  PeerLandmark out;
+  out.descriptor.fill(static_cast<std::uint8_t>(id));
+  out.bearing = {0.25, -0.1 * static_cast<double>(id % 7)};
+  out.estimate.landmark_id = id;
+  out.estimate.p_world = {10.1, -20.2, 3.3 + static_cast<double>(id)};
+  // Long and thin, as depth errors are: 1 m along (1, 1, 1), 1 cm across.
+  out.estimate.covariance = Eigen::Matrix3d::Constant(1.0 / 3.0);
+  out.estimate.covariance.diagonal().array() += 1e-4;
+  return out;
+}
+
+inline PeerKeyframe keyframe(const std::string& sender = "uav1",
+                             const std::string& receiver = "uav0", std::size_t landmarks = 40) {
+  PeerKeyframe out;
+  out.sender = sender;
+  out.receiver = receiver;
+  out.request_keyframe_id = 7;
+  out.keyframe_id = 12;
+  out.stamp_ns = 1'403'715'273'362'142'976;
+  for (std::size_t i = 0; i < landmarks; ++i) out.landmarks.push_back(landmark(100 + i));
+  return out;
+}
+
+inline AgentStatus status(const std::string& agent = "uav0", std::uint32_t frames = 30) {
+  AgentStatus out;
+  out.agent = agent;
+  out.stamp_ns = 1'000'000'000;
+  out.status = FilterStatus::kTracking;
+  out.frames = frames;
+  out.tracks = 180;
+  out.keyframes = 4;
+  return out;
+}
+
+inline Odometry odometry() {
+  Odometry out;
+  out.stamp_ns = 2'000'000'000;
+  out.status = FilterStatus::kTracking;
+  out.pose.p_world_imu = {1.5, -2.5, 3.5};
+  out.pose.q_world_imu = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized());
+  out.v_world_imu = {0.1, 0.2, -0.3};
+  out.gyro_bias = {0.01, -0.02, 0.03};
+  out.accel_bias = {0.1, -0.2, 0.3};
+  out.pose_covariance = 1e-3 * Matrix6d::Identity() + Matrix6d::Constant(1e-4);
+  return out;
+}
+
+}  // namespace covey::samples

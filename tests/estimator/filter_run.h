@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Runs the estimator on one simulated drone and compares it with the truth.
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "estimator/estimator.h"
+#include "estimator/so3.h"
+#include "sim/feature_simulation.h"
+#include "sim/random.h"
+
+namespace covey {
+
+struct ErrorSample {
+  double time_s = 0;
+  double position_m = 0, orientation = 0;          // error norms, m and rad
+  double position_nees = 0, orientation_nees = 0;  // 3 degrees of freedom each
+};
+
+struct FilterRun {
+  std::vector<ErrorSample> errors;  // one for each image that was propagated to
+  int reinitialized = 0, refused = 0, used = 0, gated = 0;
+  bool covariance_valid = true;
+};
+
+// The truth at time 0, disturbed by a draw from the covariance that the filter is told.
+inline InitialState disturbed_start(const DroneFeatures& drone, const ImuBias& bias,
+                                    std::uint64_t seed) {
+  Random random(seed, 0x57a7);
+  InitialState start;
+  const KinematicState truth = drone.trajectory.at(0);
+  start.stamp_ns = drone.imu.front().stamp_ns;
+  const Eigen::Vector3d tilt_yaw(start.tilt_sigma, start.tilt_sigma, start.yaw_sigma);
+  const Eigen::Vector3d turn_world = tilt_yaw.cwiseProduct(random.gaussian_vector());
+  start.pose.p_world_imu = truth.pose.p_world_imu + start.position_sigma * random.gaussian_vector();
+  start.pose.q_world_imu = exp_quaternion(turn_world) * truth.pose.q_world_imu;
+  start.v_world_imu = truth.v_world_imu + start.velocity_sigma * random.gaussian_vector();
+  start.gyro_bias = bias.gyro + start.gyro_bias_sigma * random.gaussian_vector();
+  start.accel_bias = bias.accel + start.accel_bias_sigma * random.gaussian_vector();
+  return start;
+}
+
+// The true calibration, disturbed by as much as the configuration admits for what it calibrates.
+inline CameraExtrinsics disturbed_extrinsics(const CameraExtrinsics& truth,
+                                             const EstimatorConfig& config, std::uint64_t seed) {
+  Random random(seed, 0xca11);
+  CameraExtrinsics extrinsics = truth;
+  if (config.calibrate_extrinsics) {
+    extrinsics.p_imu_cam += config.extrinsics_sigma_m * random.gaussian_vector();
+    extrinsics.q_imu_cam = extrinsics.q_imu_cam *
+                           exp_quaternion(config.extrinsics_sigma_rad * random.gaussian_vector());
+  }
+  if (config.calibrate_time_offset) {
+    extrinsics.time_offset_s += config.time_offset_sigma_s * random.gaussian();
+  }
+  return extrinsics;
+}
+
+inline ErrorSample compare(const Odometry& odometry, const DroneFeatures& drone) {
+  ErrorSample sample;
+  sample.time_s = seconds_between(drone.imu.front().stamp_ns, odometry.stamp_ns);
+  const Pose truth = drone.trajectory.pose_at(sample.time_s);
+  const Eigen::Vector3d dp = truth.p_world_imu - odometry.pose.p_world_imu;
+  const Eigen::Vector3d dtheta =
+      log_quaternion(odometry.pose.q_world_imu.conjugate() * truth.q_world_imu);
+  const Eigen::Matrix3d P_p = odometry.pose_covariance.topLeftCorner<3, 3>();
+  const Eigen::Matrix3d P_theta = odometry.pose_covariance.bottomRightCorner<3, 3>();
+  sample.position_m = dp.norm();
+  sample.orientation = dtheta.norm();
+  sample.position_nees = dp.dot(P_p.llt().solve(dp));
+  sample.orientation_nees = dtheta.dot(P_theta.llt().solve(dtheta));
+  return sample;
+}
+
+inline FilterRun run_filter(const DroneFeatures& drone, EstimatorConfig config,
+                            std::uint64_t seed) {
+  config.extrinsics = disturbed_extrinsics(drone.extrinsics, config, seed);
+  Estimator estimator(config);
+  estimator.initialize(disturbed_start(drone, drone.truth.front().bias, seed));
+  FilterRun run;
+  std::size_t next_imu = 0;
+  // What the clock's uncertainty may ask for beyond the image.
+  constexpr TimeNs kAhead_ns = 40'000'000;
+  for (const CameraMeasurement& image : drone.camera) {
+    const TimeNs until_ns = image.stamp_ns + kAhead_ns;
+    while (next_imu < drone.imu.size() && drone.imu[next_imu].stamp_ns <= until_ns) {
+      estimator.add_imu(drone.imu[next_imu++]);
+    }
+    const UpdateReport report = estimator.add_camera(image);
+    run.reinitialized += report.reinitialized ? 1 : 0;
+    run.used += report.slam_used + report.msckf_used;
+    run.gated += report.slam_gated + report.msckf_gated;
+    run.refused += report.propagated ? 0 : 1;
+    if (!report.propagated) continue;
+    const Odometry odometry = estimator.odometry();
+    run.covariance_valid = run.covariance_valid && odometry.pose_covariance.allFinite() &&
+                           odometry.pose_covariance.llt().info() == Eigen::Success;
+    run.errors.push_back(compare(odometry, drone));
+  }
+  return run;
+}
+
+}  // namespace covey

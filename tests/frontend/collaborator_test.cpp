@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/collaborator.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <set>
+#include <string>
+
+#include "frontend/vocabulary_visual.h"
+#include "synthetic_places.h"
+
+namespace covey {
+namespace {
+
+using testing::estimates;
+using testing::level_camera;
+using testing::make_scene;
+using testing::random_descriptor;
+using testing::Scene;
+using testing::view;
+
+constexpr double kFocal = 455;  // px
+constexpr std::uint64_t kOwnIds = 1000, kPeerIds = 5000;
+
+Collaborator make_drone(const std::string& name, PlaceMode mode = PlaceMode::kCompact) {
+  CollaboratorConfig config;
+  config.agent = name;
+  config.place_mode = mode;
+  return Collaborator(config, visual_vocabulary(), kFocal);
+}
+
+// The drone takes one keyframe of the scene and knows all its landmarks.
+PlaceAdvert look(Collaborator& drone, const Scene& scene, const Eigen::Isometry3d& T_world_cam,
+                 double seconds, std::uint64_t first_id) {
+  const auto landmarks = estimates(scene, first_id, 0.03, static_cast<unsigned>(first_id));
+  const TimeNs stamp_ns = nanoseconds(seconds);
+  (void)drone.wants_keyframe(stamp_ns, T_world_cam, landmarks);
+  return drone.add_keyframe(
+      view(scene, T_world_cam, stamp_ns, first_id, {}, static_cast<unsigned>(first_id) + 1),
+      T_world_cam, landmarks);
+}
+
+NoMatchReason reason_of(const std::variant<PeerMatches, NoMatch>& result) {
+  const auto* none = std::get_if<NoMatch>(&result);
+  EXPECT_NE(none, nullptr) << "matched, but should not have";
+  return none ? none->reason : NoMatchReason::kMalformed;
+}
+
+// uav0 asks from 1.5 m aside of where uav1 looked at the same wall.
+struct Team {
+  explicit Team(PlaceMode mode = PlaceMode::kCompact)
+      : uav0(make_drone("uav0", mode)), uav1(make_drone("uav1", mode)) {
+    look(uav1, scene, level_camera({0, 0, 0}), 1.0, kPeerIds);
+    advert = look(uav0, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 3.0, kOwnIds);
+  }
+  [[nodiscard]] PeerKeyframe ask() { return uav1.answer(advert).value(); }
+
+  Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Collaborator uav0, uav1;
+  PlaceAdvert advert;
+};
+
+class Exchange : public ::testing::TestWithParam<PlaceMode> {};
+
+TEST_P(Exchange, AdvertAnswerMatchGivesTheRightTrackPairs) {
+  Team team(GetParam());
+  const std::optional<PeerKeyframe> answer = team.uav1.answer(team.advert);
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->sender, "uav1");
+  EXPECT_EQ(answer->receiver, "uav0");
+  EXPECT_EQ(answer->request_keyframe_id, team.advert.keyframe_id);
+
+  const auto result = team.uav0.match(*answer);
+  ASSERT_TRUE(std::holds_alternative<PeerMatches>(result))
+      << to_string(std::get<NoMatch>(result).reason);
+  const PeerMatches& matches = std::get<PeerMatches>(result);
+  EXPECT_EQ(matches.peer, "uav1");
+  EXPECT_EQ(matches.stamp_ns, nanoseconds(3.0));
+  EXPECT_GE(matches.matches.size(), 40u);
+  std::set<std::uint64_t> own, peer;
+  for (const LandmarkMatch& match : matches.matches) {
+    EXPECT_EQ(match.track_id - kOwnIds, match.peer.landmark_id - kPeerIds);
+    EXPECT_TRUE(own.insert(match.track_id).second);
+    EXPECT_TRUE(peer.insert(match.peer.landmark_id).second);
+  }
+  EXPECT_EQ(team.uav0.report().matched, 1);
+  EXPECT_EQ(team.uav0.report().landmark_pairs, static_cast<int>(matches.matches.size()));
+  EXPECT_EQ(team.uav1.report().answered, 1);
+}
+
+INSTANTIATE_TEST_SUITE_P(AllModes, Exchange,
+                         ::testing::Values(PlaceMode::kPaper, PlaceMode::kMajority,
+                                           PlaceMode::kCompact));
+
+TEST(Collaborator, MatchingNoiseGrowsWithTheDistance) {
+  Team team;
+  const PeerKeyframe answer = team.ask();
+  const PeerMatches matches = std::get<PeerMatches>(team.uav0.match(answer));
+  for (const LandmarkMatch& match : matches.matches) {
+    const double distance = (match.peer.p_world - Eigen::Vector3d(0.5, 1.5, 0.3)).norm();
+    const double variance = 0.03 * 0.03 + std::pow(1.0 / kFocal * distance, 2);
+    EXPECT_TRUE(match.peer.covariance.isApprox(variance * Eigen::Matrix3d::Identity(), 1e-9));
+  }
+}
+
+TEST(Collaborator, KeyframesFollowTheBaselineOverTheMeanDepth) {
+  Collaborator drone = make_drone("uav0");
+  const Scene scene = make_scene(50, {20, 0, 0}, 1);
+  const auto landmarks = estimates(scene, 1, 0.05, 1);
+  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(1), level_camera({0, 0, 0}), landmarks));
+  look(drone, scene, level_camera({0, 0, 0}), 1, 1);
+  EXPECT_FALSE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 2.5, 0}), landmarks));
+  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 3.5, 0}), landmarks));
+}
+
+TEST(Collaborator, OtherPlaceGetsNoAnswer) {
+  Team team;
+  Collaborator stranger = make_drone("uav7");
+  const PlaceAdvert advert =
+      look(stranger, make_scene(80, {12, 0, 0}, 77), level_camera({0, 0, 0}), 3.0, kOwnIds);
+  EXPECT_FALSE(team.uav1.answer(advert).has_value());
+  EXPECT_EQ(team.uav1.report().advert_unknown_place, 1);
+}
+
+TEST(Collaborator, OnlyEstimatedLandmarksAreSent) {
+  Collaborator drone = make_drone("uav1");
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
+  const TrackedFrame frame = view(scene, T_world_cam, nanoseconds(1), kPeerIds, {}, 1);
+  auto landmarks = estimates(scene, kPeerIds, 0.03, 2);
+  landmarks.resize(20);
+  (void)drone.wants_keyframe(nanoseconds(1), T_world_cam, {});
+  PlaceAdvert advert = drone.add_keyframe(frame, T_world_cam, {});
+  advert.sender = "uav0";
+  EXPECT_FALSE(drone.answer(advert).has_value()) << "nothing to send yet";
+  landmarks[0].covariance *= 1e6;           // 30 m
+  landmarks[1].p_world.x() = std::nan("");  // a filter in trouble
+  drone.update_landmarks(landmarks);
+  drone.update_landmarks({});
+  const std::optional<PeerKeyframe> answer = drone.answer(advert);
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_GE(answer->landmarks.size(), 10u);
+  for (const PeerLandmark& landmark : answer->landmarks) {
+    EXPECT_GE(landmark.estimate.landmark_id, kPeerIds + 2);
+    EXPECT_LT(landmark.estimate.landmark_id, kPeerIds + 20);
+  }
+}
+
+// Two views of one place: the one that looks more alike knows next to nothing of its landmarks.
+TEST(Collaborator, AnswersWithTheKeyframeThatKnowsTheLandmarks) {
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Collaborator drone = make_drone("uav1");
+  look(drone, scene, level_camera({0, 2, 0}), 1.0, kPeerIds);
+  auto few = estimates(scene, kOwnIds, 0.03, 2);
+  few.resize(10);
+  const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
+  (void)drone.wants_keyframe(nanoseconds(2), T_world_cam, few);
+  PlaceAdvert advert = drone.add_keyframe(view(scene, T_world_cam, nanoseconds(2), kOwnIds, {}, 3),
+                                          T_world_cam, few);
+  advert.sender = "uav0";
+  const std::optional<PeerKeyframe> answer = drone.answer(advert);
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->stamp_ns, nanoseconds(1.0));
+  EXPECT_GE(answer->landmarks.size(), 40u);
+}
+
+TEST(Collaborator, TracksThatEndedLongAgoStillMatchByTheirId) {
+  Team team;
+  const PeerKeyframe answer = team.ask();
+  // The asking drone goes on to other tracks, in other order, before the answer comes.
+  look(team.uav0, make_scene(80, {12, 40, 0}, 3), level_camera({0, 40, 0}), 5.0, 90000);
+  const PeerMatches matches = std::get<PeerMatches>(team.uav0.match(answer));
+  EXPECT_EQ(matches.stamp_ns, nanoseconds(3.0));
+  for (const LandmarkMatch& match : matches.matches) {
+    EXPECT_EQ(match.track_id - kOwnIds, match.peer.landmark_id - kPeerIds);
+  }
+}
+
+TEST(Collaborator, SamePeerGetsTheSameKeyframeAgainOnlyLater) {
+  Team team;
+  EXPECT_TRUE(team.uav1.answer(team.advert).has_value());
+  const auto at = [&](double seconds) {
+    (void)team.uav1.wants_keyframe(nanoseconds(seconds), level_camera({0, 0, 0}), {});
+    return team.uav1.answer(team.advert).has_value();
+  };
+  EXPECT_FALSE(at(1.1));
+  EXPECT_FALSE(at(2.5));
+  EXPECT_TRUE(at(3.1)) << "the first answer may have been lost";
+  EXPECT_EQ(team.uav1.report().advert_too_soon, 2);
+  PlaceAdvert other = team.advert;
+  other.sender = "uav2";
+  EXPECT_TRUE(team.uav1.answer(other).has_value()) << "peers are limited one by one";
+}
+
+TEST(Collaborator, InventedPeersAreBounded) {
+  Team team;
+  int answered = 0;
+  for (int i = 0; i < 500; ++i) {
+    PlaceAdvert advert = team.advert;
+    advert.sender = "ghost" + std::to_string(i);
+    answered += team.uav1.answer(advert).has_value();
+  }
+  EXPECT_EQ(answered, 64);
+}
+
+TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
+  Team team;
+  PlaceAdvert own = team.advert, other_words = team.advert, short_one = team.advert,
+              empty = team.advert, nameless = team.advert;
+  own.sender = "uav1";
+  other_words.vocabulary_hash ^= 1;
+  short_one.descriptor.pop_back();
+  empty.descriptor.clear();
+  nameless.sender.clear();
+  for (const PlaceAdvert& advert : {own, other_words, short_one, empty, nameless}) {
+    EXPECT_FALSE(team.uav1.answer(advert).has_value());
+  }
+  Team paper(PlaceMode::kPaper);
+  EXPECT_FALSE(team.uav1.answer(paper.advert).has_value()) << "another place mode";
+  EXPECT_EQ(team.uav1.report().advert_own, 1);
+  EXPECT_EQ(team.uav1.report().advert_other_vocabulary, 2);
+  EXPECT_EQ(team.uav1.report().advert_malformed, 3);
+}
+
+TEST(Collaborator, RefusesAnswersThatAreNotForItOrNotAskedFor) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  answer.receiver = "uav2";
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kNotForUs);
+  answer.receiver = answer.sender = "uav0";
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kNotForUs);
+  answer.sender = "uav1";
+  answer.request_keyframe_id = 999;
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kUnknownRequest);
+  EXPECT_EQ(team.uav0.report().no_match[static_cast<int>(NoMatchReason::kNotForUs)], 2);
+}
+
+TEST(Collaborator, RefusesAnotherPlaceSentAsAnswer) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  std::mt19937 random(9);
+  for (PeerLandmark& landmark : answer.landmarks) landmark.descriptor = random_descriptor(random);
+  const NoMatchReason reason = reason_of(team.uav0.match(answer));
+  EXPECT_TRUE(reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers);
+}
+
+TEST(Collaborator, RefusesPermutedDescriptors) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  const std::size_t size = answer.landmarks.size();
+  const BinaryDescriptor first = answer.landmarks[0].descriptor;
+  for (std::size_t i = 0; i + 1 < size; ++i) {
+    answer.landmarks[i].descriptor = answer.landmarks[i + 1].descriptor;
+  }
+  answer.landmarks[size - 1].descriptor = first;
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kTooFewInliers);
+}
+
+TEST(Collaborator, RefusesAWorldThatIsFiveMetresOff) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.p_world.y() += 5;
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kOffsetTooLarge);
+}
+
+TEST(Collaborator, ToleratesTheDriftOfAPeer) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.p_world.y() += 0.5;
+  EXPECT_TRUE(std::holds_alternative<PeerMatches>(team.uav0.match(answer)));
+}
+
+TEST(Collaborator, OneLandmarkSentTwiceIsMatchedOnce) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.landmark_id = kPeerIds;
+  EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kTooFewMatches);
+}
+
+TEST(Collaborator, SurvivesHostileLandmarks) {
+  Team team;
+  const PeerKeyframe good = team.ask();
+  const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
+  const auto malformed = [&](auto change) {
+    PeerKeyframe bad = good;
+    change(bad.landmarks[3]);
+    return reason_of(team.uav0.match(bad)) == NoMatchReason::kMalformed;
+  };
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.z() = nan; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.x() = infinity; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.x() = 1e300; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.bearing.x() = nan; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance(0, 1) = nan; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance(0, 1) = 1; }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance.setZero(); }));
+  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance *= -1; }));
+
+  PeerKeyframe endless = good;
+  endless.landmarks.resize(201, good.landmarks[0]);
+  EXPECT_EQ(reason_of(team.uav0.match(endless)), NoMatchReason::kMalformed);
+  PeerKeyframe empty = good;
+  empty.landmarks.clear();
+  EXPECT_EQ(reason_of(team.uav0.match(empty)), NoMatchReason::kTooFewMatches);
+  PeerKeyframe nameless = good;
+  nameless.sender.clear();
+  EXPECT_EQ(reason_of(team.uav0.match(nameless)), NoMatchReason::kMalformed);
+  EXPECT_TRUE(std::holds_alternative<PeerMatches>(team.uav0.match(good))) << "none the worse";
+}
+
+TEST(Collaborator, ConfigurationThatCannotWorkIsRefusedByName) {
+  const auto message_of = [](auto change) -> std::string {
+    CollaboratorConfig config;
+    change(config);
+    try {
+      Collaborator drone(config, visual_vocabulary(), kFocal);
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  EXPECT_NE(message_of([](auto& c) { c.agent.clear(); }).find("agent"), std::string::npos);
+  EXPECT_NE(message_of([](auto& c) { c.max_landmarks = 2; }).find("max_landmarks"),
+            std::string::npos);
+  EXPECT_NE(message_of([](auto& c) { c.database.capacity = 3; }).find("capacity"),
+            std::string::npos);
+  EXPECT_THROW(Collaborator({}, Vocabulary{}, kFocal), std::runtime_error);
+  EXPECT_THROW(Collaborator({}, visual_vocabulary(), 0), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Well-formed samples for the fuzzers to start from:  covey_fuzz_seeds FOLDER
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <string>
+
+#include "comms/convert.h"
+#include "tests/comms/samples.h"
+
+namespace {
+
+void write(const std::filesystem::path& file, const covey::Bytes& bytes) {
+  std::ofstream out(file, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(bytes.data()),
+            static_cast<std::streamsize>(bytes.size()));
+  if (!out) throw std::runtime_error("cannot write " + file.string());
+}
+
+void write_all(const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  covey::PlaceAdvert advert = covey::samples::advert();
+  write(folder / "request", encode(advert));
+  advert.descriptor.resize(32);
+  write(folder / "short_request", encode(advert));
+  for (const std::size_t landmarks : {0u, 1u, 3u, 40u})
+    write(folder / ("message_" + std::to_string(landmarks)),
+          encode(covey::samples::keyframe("uav1", "uav0", landmarks)));
+  write(folder / "status", encode(covey::StatusSample{covey::samples::status(), {1, 2}}));
+  write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::cerr << "usage: covey_fuzz_seeds FOLDER\n";
+    return 2;
+  }
+  try {
+    write_all(argv[1]);
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << "\n";
+    return 1;
+  }
+  return 0;
+}
