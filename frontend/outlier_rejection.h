@@ -14,7 +14,7 @@ struct OutlierConfig {
   // Largest distance to the epipolar line: this many robust standard deviations of this image's
   // distances, but between these limits.
   double max_deviations = 6;
-  double min_epipolar_px = 0.6;  // px
+  double min_epipolar_px = 0.3;  // px
   double max_epipolar_px = 2.0;  // px
   double parallax_px = 10;       // images are compared when this far apart in the median, px
   int max_lag = 8;               // but not more images apart than this

@@ -97,7 +97,7 @@ struct Tracker::Impl {
   TrackerConfig config;
   CameraIntrinsics camera;
   CornerGrid corners;
-  ImagePyramid previous, current;
+  ImagePyramid current;
   std::vector<Track> tracks;  // oldest first
   std::uint64_t next_id = 1;
   std::int64_t image_number = 0;
@@ -134,16 +134,6 @@ struct Tracker::Impl {
     return std::nullopt;
   }
 
-  // The patch of its birth does not fit any more: it gets one of the previous image.
-  std::optional<PatchFit> find_anew(Track& track, PatchPlace start, const Turned& turned) const {
-    auto patch = Patch::cut(previous, track.place.pixel, config.alignment);
-    if (!patch) return std::nullopt;
-    start.affine = turned.J;
-    const auto found = find(*patch, start, track.length > 1);
-    if (found) track.patch = std::move(*patch);
-    return found;
-  }
-
   // Pixels of the patch and of the image must stay about the same size.
   void keep_scale(Track& track) const {
     const double area_ratio = std::abs(track.place.affine.determinant());
@@ -159,8 +149,7 @@ struct Tracker::Impl {
     PatchPlace start;
     start.pixel = turned.pixel + dt * track.velocity;
     start.affine = turned.J * track.place.affine;
-    std::optional<PatchFit> found = find(track.patch, start, track.length > 1);
-    if (!found) found = find_anew(track, start, turned);
+    const std::optional<PatchFit> found = find(track.patch, start, track.length > 1);
     if (!found) return false;
     const auto bearing = unproject(camera, found->place.pixel);
     if (!bearing) return false;
@@ -320,7 +309,6 @@ TrackedFrame Tracker::track(TimeNs stamp_ns, const cv::Mat& pixels,
                             const Eigen::Matrix3d& R_cam_previous) {
   Impl& self = *impl_;
   check(self.camera, pixels);
-  std::swap(self.previous, self.current);
   self.current = build_pyramid(pixels, self.config.pyramid_levels);
   self.remember(stamp_ns, R_cam_previous);
   ++self.image_number;

@@ -25,11 +25,13 @@ namespace covey {
 
 struct TrackerConfig {
   int max_tracks = 200;
-  double pixel_sigma = 0.35;  // standard deviation of a tracked corner, px
+  double pixel_sigma = 0.3;  // standard deviation of a tracked corner, px
 
   int pyramid_levels = 4;          // the image itself and its halves
   int predicted_levels = 2;        // of them, tried first for a track whose motion is known
-  double min_correlation = 0.75;   // of a patch and the image where it was found, -1..1
+  // Of a patch and the image where it was found, -1..1. A patch that no longer looks like itself
+  // (an edge before a background, say) slides away long before it is lost: its track ends.
+  double min_correlation = 0.92;
   double max_scale = 1.5;          // a patch that grew or shrank more is cut anew, ratio of lengths
   double duplicate_distance = 10;  // of two tracks nearer than this the younger ends, px
   double refill_below = 0.95;  // new corners are looked for with fewer tracks, part of max_tracks

@@ -78,14 +78,11 @@ class FeatureTracks {
     for (std::size_t i = 0; i < landmarks_.size(); ++i) {
       const std::optional<Eigen::Vector2d> bearing = view.bearing_of(landmarks_[i]);
       const bool tracked = track_of_[i] != kNoTrack;
-      if (!bearing) {
-        track_of_[i] = kNoTrack;
-      } else if (!tracked) {
-        candidates.push_back({i, *bearing});
-      } else if (random_.unit() < camera_.loss_share) {
+      const bool lost = !bearing || (tracked && random_.unit() < camera_.loss_share);
+      if (lost) {
         track_of_[i] = kNoTrack;
       } else {
-        kept.push_back({i, *bearing});
+        (tracked ? kept : candidates).push_back({i, *bearing});
       }
     }
     const auto wanted = static_cast<std::size_t>(std::max(0, camera_.max_tracks));

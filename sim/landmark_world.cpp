@@ -14,11 +14,14 @@ struct Box {
   Eigen::Vector3d high = Eigen::Vector3d::Constant(-1e9);
 };
 
+constexpr double kStep_s = 0.25;  // between looks at where a flight is
+
 Box flown_box(const std::vector<DronePlan>& flights) {
   Box box;
   for (const DronePlan& plan : flights) {
-    for (double t = 0; t <= plan.trajectory.duration_s(); t += 0.25) {
-      const Eigen::Vector3d p = plan.trajectory.pose_at(t).p_world_imu;
+    const int steps = static_cast<int>(plan.trajectory.duration_s() / kStep_s);
+    for (int k = 0; k <= steps; ++k) {
+      const Eigen::Vector3d p = plan.trajectory.pose_at(k * kStep_s).p_world_imu;
       box.low = box.low.cwiseMin(p);
       box.high = box.high.cwiseMax(p);
     }

@@ -192,7 +192,8 @@ DronePlan castle_parallel(const Drone& drone, Random& random, double team_height
 DronePlan mars_yard(const Drone& drone, Random& random) {
   const bool wide = drone.index % 2 == 1;
   const double length = wide ? 18 : 11;
-  const double height = (wide ? 4.0 : 2.5) + 0.6 * (drone.index / 2) + random.uniform(-0.2, 0.2);
+  const int pair = drone.index / 2;
+  const double height = (wide ? 4.0 : 2.5) + 0.6 * pair + random.uniform(-0.2, 0.2);
   const RoundedSquare lap(length * random.uniform(0.98, 1.02), random.uniform(3.5, 4.5));
   const SpeedProfile speed = SpeedProfile::covering(length, drone.nominal_s, 1.5);
   const Wobble wobble(random, {0.04, 0.04});

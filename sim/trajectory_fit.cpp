@@ -101,7 +101,7 @@ std::vector<Eigen::Vector3d> fit_positions(const SplineFit& fit,
                                            const std::vector<Eigen::Vector3d>& data,
                                            std::size_t controls) {
   // Relative to the first position: the solution does not lose digits far away from the origin.
-  const Eigen::Vector3d origin = data.front();
+  const Eigen::Vector3d& origin = data.front();
   Columns residuals(static_cast<Eigen::Index>(data.size()), 3);
   for (std::size_t k = 0; k < data.size(); ++k) {
     residuals.row(static_cast<Eigen::Index>(k)) = (data[k] - origin).transpose();
@@ -225,7 +225,7 @@ Trajectory Trajectory::multirotor(const FlatPath& path, double duration_s, doubl
 
   std::vector<double> times;
   std::vector<Eigen::Quaterniond> attitudes;
-  const auto samples = 2 * static_cast<std::size_t>(untilted.duration_s() / knot_interval_s + 0.5);
+  const auto samples = 2 * static_cast<std::size_t>(std::lround(untilted.duration_s() / knot_interval_s));
   for (std::size_t k = 0; k <= samples; ++k) {
     times.push_back(static_cast<double>(k) * knot_interval_s / 2);
     attitudes.push_back(
