@@ -120,7 +120,9 @@ struct AgentStatus {
 // Own track `track_id` and a peer's landmark are the same point of the scene.
 struct LandmarkMatch {
   std::uint64_t track_id = 0;
-  LandmarkEstimate peer;  // covariance as the peer sent it, plus what matching adds
+  LandmarkEstimate peer;      // as the peer sent it
+  double matching_sigma = 0;  // m, of each axis: how far the two corners may be apart; independent
+                              // from match to match
 };
 
 struct PeerMatches {

@@ -9,10 +9,11 @@
 
 namespace covey {
 
-// One landmark after the other, each against the state that the one before left. The landmark's own
-// marginal is fused by covariance intersection; the change is carried to the rest of the state by
-// regression, x += G (y+ - y), P -= G (S - S+) G^T with G = P H^T inv(S), which stays positive
-// definite and leaves alone what is not correlated with the landmark.
+// The landmarks of one message share the drift of their sender, so they count as one: what is fused
+// is their weighted mean, a point y = H x of this drone, with the peer's idea of it. The change is
+// carried to the rest of the state by regression, x += G (y+ - y), P -= G (S - S+) G^T with
+// G = P H^T inv(S), which stays positive definite and leaves alone what is not correlated with the
+// landmarks.
 [[nodiscard]] PeerReport update_from_peer(State& state, const PeerMatches& matches,
                                           double gate_limit_3dof);
 

@@ -303,11 +303,10 @@ std::variant<PeerMatches, NoMatch> Collaborator::find_matches(const PeerKeyframe
   }
   PeerMatches matches{message.sender, own->stamp_ns, {}};
   for (const IndexPair& pair : pairs) {
-    LandmarkMatch match{own->features[pair.own].track_id, peer[pair.peer].estimate};
-    const double sigma = config_.matching_sigma_px / focal_length_px_ *
-                         (match.peer.p_world - p_world_cam).norm();  // m
-    match.peer.covariance.diagonal().array() += sigma * sigma;
-    matches.matches.push_back(match);
+    const LandmarkEstimate& estimate = peer[pair.peer].estimate;
+    const double distance = (estimate.p_world - p_world_cam).norm();  // m
+    matches.matches.push_back({own->features[pair.own].track_id, estimate,
+                               config_.matching_sigma_px / focal_length_px_ * distance});
   }
   return matches;
 }

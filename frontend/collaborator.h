@@ -50,8 +50,8 @@ struct CollaboratorConfig {
   VerificationConfig verification;
   GuidedConfig guided;
   int min_matches = 8;  // fewer are no matches
-  // Two drones agree on a corner only to about a pixel: added to the landmark's covariance, in all
-  // directions, because on a slanted surface a step aside is a step in depth as well.
+  // Two drones agree on a corner only to about a pixel, in all directions, because on a slanted
+  // surface a step aside is a step in depth as well.
   double matching_sigma_px = 1.0;
 };
 
@@ -109,8 +109,7 @@ class Collaborator {
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
-  // Pairs of own track and peer landmark, one to one; the landmark's covariance has the matching
-  // noise in it.
+  // Pairs of own track and peer landmark, one to one.
   [[nodiscard]] std::variant<PeerMatches, NoMatch> match(const PeerKeyframe& message);
 
   [[nodiscard]] const CollaboratorReport& report() const { return report_; }

@@ -27,8 +27,8 @@ struct TrackerConfig {
   int max_tracks = 200;
   double pixel_sigma = 0.3;  // standard deviation of a tracked corner, px
 
-  int pyramid_levels = 4;          // the image itself and its halves
-  int predicted_levels = 2;        // of them, tried first for a track whose motion is known
+  int pyramid_levels = 4;    // the image itself and its halves
+  int predicted_levels = 2;  // of them, tried first for a track whose motion is known
   // Of a patch and the image where it was found, -1..1. A patch that no longer looks like itself
   // (an edge before a background, say) slides away long before it is lost: its track ends.
   double min_correlation = 0.92;

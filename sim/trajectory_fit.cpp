@@ -225,7 +225,8 @@ Trajectory Trajectory::multirotor(const FlatPath& path, double duration_s, doubl
 
   std::vector<double> times;
   std::vector<Eigen::Quaterniond> attitudes;
-  const auto samples = 2 * static_cast<std::size_t>(std::lround(untilted.duration_s() / knot_interval_s));
+  const auto samples =
+      2 * static_cast<std::size_t>(std::lround(untilted.duration_s() / knot_interval_s));
   for (std::size_t k = 0; k <= samples; ++k) {
     times.push_back(static_cast<double>(k) * knot_interval_s / 2);
     attitudes.push_back(

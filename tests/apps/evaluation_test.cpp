@@ -209,6 +209,8 @@ struct Reference {
   double posyaw_rmse, posyaw_mean, posyaw_std, se3_rmse, sim3_rmse, sim3_scale;
 };
 
+void PrintTo(const Reference& reference, std::ostream* out) { *out << reference.name; }
+
 class AgainstRpg : public testing::TestWithParam<Reference> {};
 
 TEST_P(AgainstRpg, TheErrorsOfARealOdometryAgree) {

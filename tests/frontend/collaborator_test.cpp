@@ -99,8 +99,8 @@ TEST(Collaborator, MatchingNoiseGrowsWithTheDistance) {
   const PeerMatches matches = std::get<PeerMatches>(team.uav0.match(answer));
   for (const LandmarkMatch& match : matches.matches) {
     const double distance = (match.peer.p_world - Eigen::Vector3d(0.5, 1.5, 0.3)).norm();
-    const double variance = 0.03 * 0.03 + std::pow(1.0 / kFocal * distance, 2);
-    EXPECT_TRUE(match.peer.covariance.isApprox(variance * Eigen::Matrix3d::Identity(), 1e-9));
+    EXPECT_NEAR(match.matching_sigma, distance / kFocal, 1e-9);
+    EXPECT_TRUE(match.peer.covariance.isApprox(0.03 * 0.03 * Eigen::Matrix3d::Identity(), 1e-9));
   }
 }
 

@@ -109,7 +109,8 @@ TEST_P(TrackedScene, TracksObeyTheTrueGeometry) {
 
 INSTANTIATE_TEST_SUITE_P(EveryScenario, TrackedScene,
                          ::testing::Values(Scenario::kCastleAround, Scenario::kCastleParallel,
-                                           Scenario::kMarsYard, Scenario::kRoom));
+                                           Scenario::kMarsYard, Scenario::kRoom),
+                         [](const auto& test) { return std::string(scenario_name(test.param)); });
 
 TEST(Renderer, SameSeedGivesTheSameBytesAndAnotherSeedOthers) {
   SimulationRequest asked = request(Scenario::kCastleParallel);
