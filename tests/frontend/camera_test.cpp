@@ -32,10 +32,6 @@ CameraIntrinsics equidistant_camera() {
   return camera;
 }
 
-void PrintTo(const CameraIntrinsics& camera, std::ostream* out) {
-  *out << (camera.model == DistortionModel::kEquidistant ? "equidistant" : "radial-tangential");
-}
-
 class CameraModel : public testing::TestWithParam<CameraIntrinsics> {};
 
 INSTANTIATE_TEST_SUITE_P(Both, CameraModel,
