@@ -18,8 +18,8 @@ void EkfUpdate::begin(const State& state) {
   dimension_ = state.dimension();
 }
 
-double EkfUpdate::add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
-                      const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns) {
+void EkfUpdate::add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
+                    const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns) {
   const int m = static_cast<int>(H.rows());
   assert(fits(m) && state.dimension() == dimension_);
   const auto P = state.covariance();
@@ -34,15 +34,29 @@ double EkfUpdate::add(const State& state, const Eigen::Ref<const Eigen::MatrixXd
   }
   H_.block(rows_, 0, m, local) = H.leftCols(local);
   r_.segment(rows_, m) = r;
-  Eigen::MatrixXd S = Eigen::MatrixXd::Identity(m, m);
-  local = 0;
-  for (int i = 0; i < columns.count; ++i) {
-    const ColumnRange& range = columns.ranges[static_cast<std::size_t>(i)];
-    S.noalias() += H.middleCols(local, range.size) * PHt.middleRows(range.offset, range.size);
-    local += range.size;
-  }
   blocks_.push_back({rows_, m, local, columns});
   rows_ += m;
+}
+
+template <typename Rows>
+void EkfUpdate::add_innovation(const Block& block, int first_row, Rows&& S) const {
+  int local = 0;
+  for (int i = 0; i < block.columns.count; ++i) {
+    const ColumnRange& range = block.columns.ranges[static_cast<std::size_t>(i)];
+    S.noalias() += H_.block(block.row, local, block.rows, range.size) *
+                   PHt_.block(range.offset, first_row, range.size, S.cols());
+    local += range.size;
+  }
+}
+
+double EkfUpdate::last_distance() const {
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
+                               kMaxGatedRows, kMaxGatedRows>;
+  const Block& last = blocks_.back();
+  assert(last.rows <= kMaxGatedRows);
+  Square S = Square::Identity(last.rows, last.rows);
+  add_innovation(last, last.row, S);
+  const auto r = r_.segment(last.row, last.rows);
   return r.dot(S.selfadjointView<Eigen::Lower>().ldlt().solve(r));
 }
 
@@ -55,16 +69,9 @@ bool EkfUpdate::apply(State& state) {
   if (rows_ == 0) return true;
   auto PHt = PHt_.topLeftCorner(dimension_, rows_);
   Eigen::MatrixXd S = Eigen::MatrixXd::Identity(rows_, rows_);
+  // Rows of S up to and including each block's own columns: the lower triangle.
   for (const Block& block : blocks_) {
-    // Rows of S up to and including this block's own columns: the lower triangle.
-    auto S_rows = S.block(block.row, 0, block.rows, block.row + block.rows);
-    int local = 0;
-    for (int i = 0; i < block.columns.count; ++i) {
-      const ColumnRange& range = block.columns.ranges[static_cast<std::size_t>(i)];
-      S_rows.noalias() += H_.block(block.row, local, block.rows, range.size) *
-                          PHt.block(range.offset, 0, range.size, block.row + block.rows);
-      local += range.size;
-    }
+    add_innovation(block, 0, S.block(block.row, 0, block.rows, block.row + block.rows));
   }
   const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> cholesky(S);
   if (cholesky.info() != Eigen::Success) return false;

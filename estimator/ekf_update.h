@@ -32,10 +32,14 @@ class EkfUpdate {
   void begin(const State& state);
   [[nodiscard]] int rows() const { return rows_; }
   [[nodiscard]] bool fits(int rows) const { return rows_ + rows <= static_cast<int>(r_.size()); }
-  // Adds rows r = H dx + n, n ~ N(0, I); returns their squared Mahalanobis distance.
-  double add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
-             const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns);
-  void drop_last();  // the rows added last: gated
+  // Adds rows r = H dx + n, n ~ N(0, I).
+  void add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
+           const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns);
+  // Of the rows added last: their squared Mahalanobis distance (at most kMaxGatedRows rows), and
+  // how to take them out again when they are gated.
+  static constexpr int kMaxGatedRows = 9;
+  [[nodiscard]] double last_distance() const;
+  void drop_last();
   // False when the innovation covariance is not positive definite: nothing is changed then.
   [[nodiscard]] bool apply(State& state);
 
@@ -44,6 +48,10 @@ class EkfUpdate {
     int row, rows, columns_local;
     Columns columns;
   };
+  // Adds H P H^T of the block with all rows up to it to the block's rows of S.
+  template <typename Rows>
+  void add_innovation(const Block& block, int first_row, Rows&& S) const;
+
   Eigen::MatrixXd H_;    // max_rows x widest local Jacobian
   Eigen::MatrixXd PHt_;  // state_capacity x max_rows
   Eigen::VectorXd r_;

@@ -112,9 +112,12 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
     if (landmark < 0) continue;
     const SlamRows rows = slam_rows(state, landmark, clone_index, observation.bearing,
                                     observation.sigma * config_.observation_noise_scale);
-    const bool gated = !rows.valid || slam_update_.add(state, rows.H.leftCols(rows.width), rows.r,
-                                                       rows.columns) > gate_.limit(2);
-    if (gated && rows.valid) slam_update_.drop_last();
+    bool gated = true;
+    if (rows.valid) {
+      slam_update_.add(state, rows.H.leftCols(rows.width), rows.r, rows.columns);
+      gated = slam_update_.last_distance() > gate_.limit(2);
+      if (gated) slam_update_.drop_last();
+    }
     state.count_gated(landmark, gated);
     ++(gated ? report.slam_gated : report.slam_used);
   }

@@ -116,8 +116,8 @@ bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<Imu
   Columns columns;
   columns.add(0, State::kImuSize);
   update.begin(state);
-  const double distance = update.add(state, H, r, columns);
-  if (distance > chi_square_quantile(0.999, 9)) return false;
+  update.add(state, H, r, columns);
+  if (update.last_distance() > chi_square_quantile(0.999, 9)) return false;
   return update.apply(state);
 }
 
