@@ -105,18 +105,18 @@ void require_overlap(const Span& images, const Span& other, const std::string& w
 }
 
 // Central differences, one-sided at the ends: for files that hold poses only.
-void differentiate_velocity(std::vector<GroundTruthState>& states) {
+void differentiate_velocity(std::vector<TrueState>& states) {
   for (std::size_t i = 0; i < states.size(); ++i) {
-    const GroundTruthState& before = states[i == 0 ? 0 : i - 1];
-    const GroundTruthState& after = states[std::min(i + 1, states.size() - 1)];
+    const TrueState& before = states[i == 0 ? 0 : i - 1];
+    const TrueState& after = states[std::min(i + 1, states.size() - 1)];
     states[i].v_world_imu = (after.pose.p_world_imu - before.pose.p_world_imu) /
                             seconds_between(before.stamp_ns, after.stamp_ns);
   }
 }
 
-GroundTruthState read_state(const CsvReader& reader) {
+TrueState read_state(const CsvReader& reader) {
   reader.require_columns(8, "stamp [ns], x, y, z, qw, qx, qy, qz[, velocity[, biases]]");
-  GroundTruthState state;
+  TrueState state;
   state.stamp_ns = reader.stamp_from_nanoseconds(0);
   state.pose = {reader.vector3(1), reader.quaternion(4, 5, 6, 7)};
   if (reader.columns() >= 11) state.v_world_imu = reader.vector3(8);
@@ -178,7 +178,7 @@ GroundTruth read_ground_truth(const fs::path& csv) {
   while (reader.next()) {
     if (truth.states.empty()) columns = reader.columns();
     reader.require_columns(columns, "as in the lines before");
-    const GroundTruthState state = read_state(reader);
+    const TrueState state = read_state(reader);
     if (!truth.states.empty()) {
       require_increasing(reader, truth.states.back().stamp_ns, state.stamp_ns);
     }
@@ -214,24 +214,24 @@ Dataset read_dataset(const fs::path& mav0) {
   if (fs::exists(truth_folder)) {
     const fs::path truth_csv = truth_folder / "data.csv";
     dataset.ground_truth = read_ground_truth(truth_csv);
-    const std::vector<GroundTruthState>& states = dataset.ground_truth->states;
+    const std::vector<TrueState>& states = dataset.ground_truth->states;
     require_overlap(images, {truth_csv, states.front().stamp_ns, states.back().stamp_ns},
                     "the ground truth");
   }
   return dataset;
 }
 
-std::optional<GroundTruthState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns) {
-  const auto after = std::lower_bound(
-      truth.states.begin(), truth.states.end(), stamp_ns,
-      [](const GroundTruthState& state, TimeNs stamp) { return state.stamp_ns < stamp; });
+std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns) {
+  const auto after =
+      std::lower_bound(truth.states.begin(), truth.states.end(), stamp_ns,
+                       [](const TrueState& state, TimeNs stamp) { return state.stamp_ns < stamp; });
   if (after == truth.states.end()) return std::nullopt;
   if (after->stamp_ns == stamp_ns) return *after;
   if (after == truth.states.begin()) return std::nullopt;
-  const GroundTruthState& a = *(after - 1);
-  const GroundTruthState& b = *after;
+  const TrueState& a = *(after - 1);
+  const TrueState& b = *after;
   const double t = seconds_between(a.stamp_ns, stamp_ns) / seconds_between(a.stamp_ns, b.stamp_ns);
-  GroundTruthState state;
+  TrueState state;
   state.stamp_ns = stamp_ns;
   state.pose.p_world_imu = mix(a.pose.p_world_imu, b.pose.p_world_imu, t);
   state.pose.q_world_imu = a.pose.q_world_imu.slerp(t, b.pose.q_world_imu);
@@ -243,7 +243,7 @@ std::optional<GroundTruthState> ground_truth_at(const GroundTruth& truth, TimeNs
 
 Trajectory to_trajectory(const GroundTruth& truth) {
   Trajectory trajectory;
-  for (const GroundTruthState& state : truth.states) {
+  for (const TrueState& state : truth.states) {
     trajectory.push_back({state.stamp_ns, state.pose});
   }
   return trajectory;

@@ -14,6 +14,7 @@
 #include "estimator/config.h"
 #include "estimator/measurements.h"
 #include "frontend/camera.h"
+#include "sim/recorded_flight.h"
 
 namespace covey {
 
@@ -27,17 +28,9 @@ struct ImageEntry {
   std::filesystem::path path;
 };
 
-struct GroundTruthState {
-  TimeNs stamp_ns = 0;
-  Pose pose;
-  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s
-  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2
-};
-
 // Strictly increasing stamps, at least two states.
 struct GroundTruth {
-  std::vector<GroundTruthState> states;
+  std::vector<TrueState> states;
   bool has_biases = false;  // otherwise zero; velocities are differentiated where the file has none
 };
 
@@ -69,8 +62,7 @@ struct Dataset {
 [[nodiscard]] GroundTruth read_ground_truth(const std::filesystem::path& csv);
 
 // Ground truth between two states: linear, slerp for attitude. Nothing outside the recording.
-[[nodiscard]] std::optional<GroundTruthState> ground_truth_at(const GroundTruth& truth,
-                                                              TimeNs stamp_ns);
+[[nodiscard]] std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns);
 [[nodiscard]] Trajectory to_trajectory(const GroundTruth& truth);
 
 // Grey pixels, CV_8UC1 or CV_16UC1, of the camera's size; an error names the image.

@@ -24,7 +24,7 @@ std::variant<InitialState, NotStill> Initialisation::start_at(
 
 // Pose and velocity only, as in the paper: the biases are for the filter to find.
 std::variant<InitialState, NotStill> Initialisation::from_truth(TimeNs imu_stamp_ns) const {
-  const std::optional<GroundTruthState> truth = ground_truth_at(*truth_, imu_stamp_ns);
+  const std::optional<TrueState> truth = ground_truth_at(*truth_, imu_stamp_ns);
   if (!truth) return NotStill{"the ground truth does not cover this image"};
   InitialState start;
   start.stamp_ns = imu_stamp_ns;
@@ -44,8 +44,7 @@ std::variant<InitialState, NotStill> Initialisation::from_standing_still(
   Eigen::Vector3d p_world_imu = config_.p_world_imu;
   double yaw = config_.yaw;
   if (truth_) {
-    const GroundTruthState known =
-        ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front());
+    const TrueState known = ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front());
     p_world_imu = known.pose.p_world_imu;
     yaw = yaw_of(known.pose.q_world_imu);
   }

@@ -156,7 +156,7 @@ TEST_F(DatasetTest, GroundTruthIsOptional) {
 
 TEST_F(DatasetTest, GroundTruthIsInterpolatedBetweenStates) {
   const GroundTruth truth = *read_dataset(mav0()).ground_truth;
-  const std::optional<GroundTruthState> state = ground_truth_at(truth, 1050000000);
+  const std::optional<TrueState> state = ground_truth_at(truth, 1050000000);
   ASSERT_TRUE(state.has_value());
   EXPECT_TRUE(state->pose.p_world_imu.isApprox(Eigen::Vector3d(1.5, 2, 3)));
   EXPECT_NEAR(state->v_world_imu.x(), 0.5, 1e-12);

@@ -60,7 +60,7 @@ TEST(GreyImage, EightBitsAndUniformImagesStayAsTheyAre) {
 GroundTruth straight_flight() {
   GroundTruth truth;
   for (int i = 0; i <= 10; ++i) {
-    GroundTruthState state;
+    TrueState state;
     state.stamp_ns = nanoseconds(1 + 0.1 * i);
     state.pose.p_world_imu.x() = 0.2 * i;
     state.pose.q_world_imu = exp_quaternion({0, 0, 0.3});

@@ -106,7 +106,7 @@ TEST(SimulateCommand, KeepsARecordedImuAndItsStamps) {
   ASSERT_EQ(dataset.imu.size(), 301u) << "from the first true state, for 1.5 s";
   EXPECT_EQ(dataset.imu.front().stamp_ns, 1000000000LL);
   EXPECT_EQ(dataset.imu[7].accel_imu, Eigen::Vector3d(9.81, 0, 0.007));
-  const GroundTruthState& state = dataset.ground_truth->states[100];
+  const TrueState& state = dataset.ground_truth->states[100];
   EXPECT_NEAR(state.pose.p_world_imu.x(), 0.1, 1e-3);
   EXPECT_EQ(state.accel_bias, Eigen::Vector3d(0.1, 0.2, 0.3));
 }
