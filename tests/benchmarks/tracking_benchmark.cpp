@@ -9,26 +9,16 @@
 
 #include "frontend/orb.h"
 #include "frontend/tracker.h"
+#include "tests/frontend/euroc_camera.h"
 #include "tests/frontend/synthetic_view.h"
 
 namespace covey {
 namespace {
 
+using testing::euroc_camera;
 using testing_view::CameraPose;
 using testing_view::frame_time;
 using testing_view::kFramePeriod;
-
-CameraIntrinsics euroc_camera() {
-  CameraIntrinsics camera;
-  camera.width = 752;
-  camera.height = 480;
-  camera.fx = 458.654;
-  camera.fy = 457.296;
-  camera.cx = 367.215;
-  camera.cy = 248.375;
-  camera.distortion = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05};
-  return camera;
-}
 
 struct Recording {
   std::vector<CameraPose> poses;

@@ -6,25 +6,16 @@
 #include <Eigen/LU>
 #include <limits>
 
+#include "euroc_camera.h"
+
 namespace covey {
 namespace {
 
-// EuRoC cam0 (Burri et al., IJRR 2016).
-CameraIntrinsics radial_tangential_camera() {
-  CameraIntrinsics camera;
-  camera.width = 752;
-  camera.height = 480;
-  camera.fx = 458.654;
-  camera.fy = 457.296;
-  camera.cx = 367.215;
-  camera.cy = 248.375;
-  camera.distortion = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05};
-  return camera;
-}
+using testing::euroc_camera;
 
 // A wide lens as Kalibr describes it.
 CameraIntrinsics equidistant_camera() {
-  CameraIntrinsics camera = radial_tangential_camera();
+  CameraIntrinsics camera = euroc_camera();
   camera.model = DistortionModel::kEquidistant;
   camera.fx = 300;
   camera.fy = 301;
@@ -32,10 +23,10 @@ CameraIntrinsics equidistant_camera() {
   return camera;
 }
 
-class CameraModel : public testing::TestWithParam<CameraIntrinsics> {};
+class CameraModel : public ::testing::TestWithParam<CameraIntrinsics> {};
 
 INSTANTIATE_TEST_SUITE_P(Both, CameraModel,
-                         testing::Values(radial_tangential_camera(), equidistant_camera()));
+                         ::testing::Values(euroc_camera(), equidistant_camera()));
 
 TEST_P(CameraModel, UnprojectUndoesProjectAllOverTheImage) {
   const CameraIntrinsics camera = GetParam();
@@ -89,7 +80,7 @@ TEST_P(CameraModel, PixelsThatAreNotNumbersHaveNoBearing) {
 
 TEST(Camera, BarrelDistortionNeverReturnsItsSecondBranch) {
   // r (1 - 0.3 r^2) grows up to r = 1.054 (0.7027 distorted) and comes back to 0 at r = 1.826.
-  CameraIntrinsics camera = radial_tangential_camera();
+  CameraIntrinsics camera = euroc_camera();
   camera.distortion = {-0.3, 0, 0, 0};
   const auto inside = unproject(camera, {camera.cx + 0.702 * camera.fx, camera.cy});
   ASSERT_TRUE(inside.has_value());
