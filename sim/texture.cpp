@@ -226,9 +226,15 @@ cv::Mat octave_noise(int size, int top, float gain, cv::RNG& rng) {
   return sum;
 }
 
-void add_noise(cv::Mat& canvas, int top, float gain, double grey_levels, cv::RNG& rng) {
-  const cv::Mat noise = octave_noise(canvas.cols, top, gain, rng);
-  cv::add(canvas, noise * grey_levels, canvas, cv::noArray(), CV_8U);
+struct NoiseLayer {
+  int top = 8;             // cells over the side in the coarsest octave
+  float gain = 0.8f;       // of each octave to the one above
+  double grey_levels = 9;  // deviation of the coarsest octave
+};
+
+void add_noise(cv::Mat& canvas, const NoiseLayer& layer, cv::RNG& rng) {
+  const cv::Mat noise = octave_noise(canvas.cols, layer.top, layer.gain, rng);
+  cv::add(canvas, noise * layer.grey_levels, canvas, cv::noArray(), CV_8U);
 }
 
 // Edges painted on the texel grid get the width of a texel.
@@ -238,6 +244,14 @@ void soften(cv::Mat& canvas, double sigma_texels = 0.6) {
   cv::copyMakeBorder(canvas, padded, kBorder, kBorder, kBorder, kBorder, cv::BORDER_WRAP);
   cv::GaussianBlur(padded, blurred, cv::Size(), sigma_texels);
   blurred(cv::Rect(kBorder, kBorder, canvas.cols, canvas.rows)).copyTo(canvas);
+}
+
+// What every painted surface ends with.
+Texture weathered(cv::Mat& canvas, const TextureSpec& spec, const NoiseLayer& noise) {
+  cv::RNG rng(spec.seed ^ 0x5eed5eedULL);
+  add_noise(canvas, noise, rng);
+  soften(canvas);
+  return {canvas, spec.texel_m};
 }
 
 }  // namespace
@@ -302,20 +316,14 @@ Texture make_masonry(const TextureSpec& spec) {
   paint_windows(painter);
   paint_patches(painter, {0.5, 4.0 * spec.texel_m, 0.06, 90});
   paint_cracks(painter, static_cast<int>(0.3 * side * side));
-  cv::RNG rng(spec.seed ^ 0x5eed5eedULL);
-  add_noise(canvas, 8, 0.8f, 9.0, rng);
-  soften(canvas);
-  return {canvas, spec.texel_m};
+  return weathered(canvas, spec, {8, 0.8f, 9.0});
 }
 
 Texture make_patches(const TextureSpec& spec) {
   cv::Mat canvas(spec.size, spec.size, CV_8UC1, cv::Scalar(120));
   Painter painter(canvas, spec.texel_m, spec.seed);
   paint_patches(painter, {4.0, 3.5 * spec.texel_m, 0.25, 75});
-  cv::RNG rng(spec.seed ^ 0x5eed5eedULL);
-  add_noise(canvas, 8, 0.8f, 8.0, rng);
-  soften(canvas);
-  return {canvas, spec.texel_m};
+  return weathered(canvas, spec, {8, 0.8f, 8.0});
 }
 
 Texture make_soil(const TextureSpec& spec) {
@@ -323,16 +331,13 @@ Texture make_soil(const TextureSpec& spec) {
   Painter painter(canvas, spec.texel_m, spec.seed);
   paint_patches(painter, {2.0, 3.0 * spec.texel_m, 0.28, 70});
   soften(canvas, 0.9);
-  cv::RNG rng(spec.seed ^ 0x5eed5eedULL);
-  add_noise(canvas, 16, 0.85f, 10.0, rng);
-  soften(canvas);
-  return {canvas, spec.texel_m};
+  return weathered(canvas, spec, {16, 0.85f, 10.0});
 }
 
 Texture make_soft_noise(const TextureSpec& spec) {
   cv::Mat canvas(spec.size, spec.size, CV_8UC1, cv::Scalar(128));
   cv::RNG rng(spec.seed);
-  add_noise(canvas, 8, 0.6f, 40.0, rng);
+  add_noise(canvas, {8, 0.6f, 40.0}, rng);
   return {canvas, spec.texel_m};
 }
 
