@@ -229,14 +229,16 @@ Chart stage_chart(const RunData& data, const AgentRun& agent) {
   return chart;
 }
 
-template <typename Record>
-Curve curve_of(const RunData& data, const std::vector<Record>& records, std::int64_t Record::*count,
+// `count`: of a record, a member or a function of it.
+template <typename Record, typename Count>
+Curve curve_of(const RunData& data, const std::vector<Record>& records, const Count& count,
                const std::string& label, const std::string& color) {
   Curve curve;
   curve.label = label;
   curve.color = color;
   for (const Record& record : records) {
-    curve.points.emplace_back(seconds(data, record.stamp_ns), static_cast<double>(record.*count));
+    curve.points.emplace_back(seconds(data, record.stamp_ns),
+                              static_cast<double>(std::invoke(count, record)));
   }
   return curve;
 }
@@ -254,18 +256,12 @@ Chart feature_chart(const RunData& data, const AgentRun& agent) {
 Chart update_chart(const RunData& data, const AgentRun& agent) {
   Chart chart = time_chart(data, 3, kUpdateTitle, "number");
   chart.y_from_zero = true;
-  Curve used;
-  used.label = "used";
-  used.color = "series-a";
-  Curve gated;
-  gated.label = "gated";
-  gated.color = "series-d";
-  for (const TimingRecord& record : agent.timings) {
-    const double t = seconds(data, record.stamp_ns);
-    used.points.emplace_back(t, static_cast<double>(record.msckf_used + record.slam_used));
-    gated.points.emplace_back(t, static_cast<double>(record.msckf_gated + record.slam_gated));
-  }
-  chart.curves = {std::move(used), std::move(gated)};
+  const auto used = [](const TimingRecord& record) { return record.msckf_used + record.slam_used; };
+  const auto gated = [](const TimingRecord& record) {
+    return record.msckf_gated + record.slam_gated;
+  };
+  chart.curves = {curve_of(data, agent.timings, used, "used", "series-a"),
+                  curve_of(data, agent.timings, gated, "gated", "series-d")};
   return chart;
 }
 
