@@ -15,6 +15,7 @@
 #include "apps/report_command.h"
 #include "apps/simulate_command.h"
 #include "apps/team_command.h"
+#include "apps/train_vocabulary_command.h"
 
 namespace {
 
@@ -59,6 +60,7 @@ int run(int argc, char** argv) {
   covey::add_agent_command(covey);
   covey::add_evaluate_command(covey);
   covey::add_report_command(covey);
+  covey::add_train_vocabulary_command(covey);
   return run(covey, argc, argv);
 }
 

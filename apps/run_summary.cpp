@@ -5,7 +5,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <system_error>
+
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -257,17 +258,7 @@ RunSummary run_summary_from_json(const nlohmann::json& json, const std::string& 
 }
 
 void write_json_file(const std::filesystem::path& file, const nlohmann::json& json) {
-  std::filesystem::path beside = file;
-  beside += ".part";
-  std::ofstream stream(beside);
-  stream << json.dump(2) << '\n';
-  stream.close();
-  std::error_code error;
-  if (stream) std::filesystem::rename(beside, file, error);
-  if (!stream || error) {
-    throw std::runtime_error(file.string() +
-                             ": cannot be written: does its folder exist, is the disk full?");
-  }
+  write_whole_file(file, json.dump(2) + '\n');
 }
 
 nlohmann::json read_json_file(const std::filesystem::path& file) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The vocabulary that is compiled into the program: 64 ORB words.
+// The vocabulary that is compiled into the program for visual cameras: 64 ORB words.
 #pragma once
 
 #include "frontend/place_recognition.h"

@@ -8,6 +8,7 @@
 #include <random>
 #include <string>
 
+#include "frontend/vocabulary_thermal.h"
 #include "frontend/vocabulary_training.h"
 #include "frontend/vocabulary_visual.h"
 #include "synthetic_places.h"
@@ -67,11 +68,15 @@ TEST(Vocabulary, NamesTheLineThatIsWrong) {
   EXPECT_NE(message_of("").find("no words"), std::string::npos);
 }
 
-TEST(Vocabulary, ShippedOneHasSixtyFourDifferentWords) {
-  Descriptors words = visual_vocabulary().words;
-  EXPECT_EQ(words.size(), 64u);
-  std::sort(words.begin(), words.end());
-  EXPECT_EQ(std::unique(words.begin(), words.end()), words.end());
+TEST(Vocabulary, ShippedOnesHaveSixtyFourDifferentWords) {
+  for (const Vocabulary& vocabulary : {visual_vocabulary(), thermal_vocabulary()}) {
+    Descriptors words = vocabulary.words;
+    EXPECT_EQ(words.size(), 64u);
+    std::sort(words.begin(), words.end());
+    EXPECT_EQ(std::unique(words.begin(), words.end()), words.end());
+  }
+  EXPECT_NE(vocabulary_hash(visual_vocabulary(), PlaceMode::kMajority),
+            vocabulary_hash(thermal_vocabulary(), PlaceMode::kMajority));
 }
 
 TEST(Vocabulary, HashChangesWithAnyBitAndWithTheMode) {
