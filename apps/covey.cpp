@@ -12,6 +12,7 @@
 
 #include "apps/agent_command.h"
 #include "apps/evaluate_command.h"
+#include "apps/places_command.h"
 #include "apps/report_command.h"
 #include "apps/simulate_command.h"
 #include "apps/team_command.h"
@@ -61,6 +62,7 @@ int run(int argc, char** argv) {
   covey::add_evaluate_command(covey);
   covey::add_report_command(covey);
   covey::add_train_vocabulary_command(covey);
+  covey::add_places_command(covey);
   return run(covey, argc, argv);
 }
 

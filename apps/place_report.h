@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What `covey places` leaves in its folder:
+//
+//   places.json    average precision, recall at full precision, bytes: per dataset and descriptor
+//   curves.csv     dataset, descriptor, threshold, precision, recall
+//   places.svg     the curves, one chart for each dataset
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "apps/place_comparison.h"
+
+namespace covey {
+
+// Makes the folder where it is missing. Throws std::runtime_error naming what cannot be written.
+void write_place_report(const std::filesystem::path& folder,
+                        const std::vector<DatasetComparison>& comparisons);
+
+// For the terminal, a line for each dataset and descriptor.
+[[nodiscard]] std::string place_table(const std::vector<DatasetComparison>& comparisons);
+
+}  // namespace covey

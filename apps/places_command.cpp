@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/places_command.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/place_comparison.h"
+#include "apps/place_report.h"
+#include "apps/vocabulary_file.h"
+
+namespace covey {
+namespace {
+
+struct Options {
+  std::vector<std::string> datasets;
+  std::string out, vocabulary = "visual", many_words;
+  ComparisonConfig comparison;
+};
+
+void compare(Options options) {
+  options.comparison.vocabulary = load_vocabulary(options.vocabulary);
+  if (!options.many_words.empty()) {
+    options.comparison.many_words = load_vocabulary(options.many_words);
+  }
+  std::vector<DatasetComparison> comparisons;
+  for (const std::string& dataset : options.datasets) {
+    comparisons.push_back(compare_descriptors(std::filesystem::path(dataset), options.comparison));
+    const DatasetComparison& done = comparisons.back();
+    std::fprintf(stderr,
+                 "%s: %zu views; of two drones' views %zu pairs show the same place, %zu "
+                 "another one\n",
+                 dataset.c_str(), done.views, done.same, done.different);
+  }
+  write_place_report(options.out, comparisons);
+  std::fputs(place_table(comparisons).c_str(), stdout);
+}
+
+}  // namespace
+
+void add_places_command(CLI::App& covey) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      covey.add_subcommand("places", "Measure place recognition on datasets with ground truth");
+  command->footer(
+      "Example: covey places data/castle data/yard --out places\n"
+      "Writes places.json, curves.csv and places.svg.");
+  command->add_option("datasets", options->datasets, "Datasets of two drones or more")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--out", options->out, "Folder to write into")->required()->type_name("DIR");
+  command
+      ->add_option("--vocabulary", options->vocabulary,
+                   "Of both VLADs: visual, thermal or a file of covey train-vocabulary")
+      ->capture_default_str();
+  command->add_option("--bag", options->many_words,
+                      "Vocabulary of 1000 words or more: compares a tf-idf bag of words, too");
+  command->add_option("--interval", options->comparison.interval_s, "Seconds between views")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1e6));
+  command->callback([options] { compare(*options); });
+}
+
+}  // namespace covey

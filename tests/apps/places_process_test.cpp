@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `covey train-vocabulary` and `covey places`, run as programs on the simulated flight.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "apps/run_summary.h"
+#include "apps/vocabulary_file.h"
+#include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(PlacesProgram, TrainsOnAFlightAndMeasuresWithTheWords) {
+  const TemporaryFolder folder;
+  const std::string words = (folder.path() / "words.txt").string();
+  CoveyProcess training({"train-vocabulary", COVEY_TEST_FLIGHT, "--out", words, "--words", "32",
+                         "--images", "4", "--restarts", "1"});
+  ASSERT_EQ(training.finish(), 0) << training.output();
+  EXPECT_THAT(training.output(), HasSubstr("32 words from 8 images"));
+  EXPECT_THAT(training.output(), HasSubstr("hash "));
+  EXPECT_EQ(load_vocabulary(words).words.size(), 32u);
+
+  const std::string out = (folder.path() / "places").string();
+  CoveyProcess places({"places", COVEY_TEST_FLIGHT, "--out", out, "--vocabulary", words});
+  ASSERT_EQ(places.finish(), 0) << places.output();
+  const nlohmann::json flight = read_json_file(out + "/places.json")["flight"];
+  EXPECT_GE(flight["views"], 8);
+  EXPECT_EQ(flight["descriptors"]["paper"]["mean_bytes"], 32 * 32);
+  EXPECT_GT(flight["descriptors"]["compact"]["average_precision"], 0.5);
+}
+
+TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
+  const TemporaryFolder folder;
+  const std::string here = folder.path().string();
+  CoveyProcess places({"places", here, "--out", here + "/out"});
+  EXPECT_EQ(places.finish(), 1);
+  EXPECT_THAT(places.output(), HasSubstr("holds no drone"));
+  CoveyProcess unknown({"places", COVEY_TEST_FLIGHT, "--out", here, "--vocabulary", "infrared"});
+  EXPECT_EQ(unknown.finish(), 1);
+  EXPECT_THAT(unknown.output(), HasSubstr("'infrared': cannot be read"));
+}
+
+}  // namespace
+}  // namespace covey
