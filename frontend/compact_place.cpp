@@ -11,7 +11,6 @@ namespace covey {
 namespace {
 
 constexpr int kMaxDistanceBits = 20;  // of 64
-constexpr double kRatio = 0.75;       // best distance to second best
 
 std::vector<std::uint64_t> unpack(const std::vector<std::uint8_t>& place) {
   assert(place.size() % kCompactBytes == 0 && place.size() <= kCompactCorners * kCompactBytes);
@@ -27,6 +26,13 @@ int bits_set(std::uint64_t v) {
   v = (v & 0x3333333333333333u) + ((v >> 2) & 0x3333333333333333u);
   v = (v + (v >> 4)) & 0x0f0f0f0f0f0f0f0fu;
   return static_cast<int>((v * 0x0101010101010101u) >> 56);
+}
+
+// 1 for equal corners, falling to 0 as they differ, or as others are hardly worse. A limit for
+// either would throw away most of what thermal images have in common, or let chance in.
+double weight(const IndexPair& match) {
+  return (1 - static_cast<double>(match.distance) / (kMaxDistanceBits + 1)) *
+         (1 - static_cast<double>(match.distance) / match.second_distance);
 }
 
 }  // namespace
@@ -49,9 +55,9 @@ double common_share(const std::vector<std::uint8_t>& a, const std::vector<std::u
     }
   }
   if (corners_a.empty() || corners_b.empty()) return 0;
-  const std::size_t more = std::max(corners_a.size(), corners_b.size());
-  return static_cast<double>(matches.pairs(kMaxDistanceBits, kRatio).size()) /
-         static_cast<double>(more);
+  double common = 0;
+  for (const IndexPair& match : matches.pairs(kMaxDistanceBits, 1)) common += weight(match);
+  return common / static_cast<double>(std::max(corners_a.size(), corners_b.size()));
 }
 
 }  // namespace covey

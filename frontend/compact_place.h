@@ -21,8 +21,9 @@ inline constexpr std::size_t kCompactBytes = 8;
 [[nodiscard]] std::vector<std::uint8_t> describe_compact(
     const std::vector<BinaryDescriptor>& features);
 
-// Share of corners, of the place that has more of them, that are each other's distinct best match.
-// Sizes must be multiples of kCompactBytes, at most kCompactCorners of them.
+// Share of corners, of the place that has more of them, that are each other's best match; each
+// counts the more the nearer it is and the farther the next best. Sizes must be multiples of
+// kCompactBytes, at most kCompactCorners of them.
 [[nodiscard]] double common_share(const std::vector<std::uint8_t>& a,
                                   const std::vector<std::uint8_t>& b);
 

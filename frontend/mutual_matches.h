@@ -3,6 +3,7 @@
 // The pairs of two sets that are each other's nearest.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 #include <vector>
@@ -11,6 +12,8 @@ namespace covey {
 
 struct IndexPair {
   std::size_t own = 0, peer = 0;
+  int distance = 0;
+  int second_distance = 0;  // of either to its next best, the lesser
 };
 
 class MutualMatches {
@@ -30,7 +33,8 @@ class MutualMatches {
       const Nearest& nearest = of_own_[own];
       if (nearest.best > max_distance || !nearest.is_distinct(ratio)) continue;
       const Nearest& back = of_peer_[nearest.index];
-      if (back.index == own && back.is_distinct(ratio)) result.push_back({own, nearest.index});
+      if (back.index != own || !back.is_distinct(ratio)) continue;
+      result.push_back({own, nearest.index, nearest.best, std::min(nearest.second, back.second)});
     }
     return result;
   }

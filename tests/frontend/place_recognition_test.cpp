@@ -167,10 +167,30 @@ TEST(CompactPlace, CountsCornersThatAreEachOthersBestMatch) {
   const auto score = [&](const Descriptors& a, const Descriptors& b) {
     return place_score(PlaceMode::kCompact, place(a), place(b));
   };
-  EXPECT_NEAR(score(features, again), 10.0 / 40, 1.5 / 40);
+  EXPECT_GT(score(features, again), 0.5 * 10.0 / 40);
+  EXPECT_LT(score(features, again), 11.0 / 40);
   EXPECT_EQ(score(features, again), score(again, features));
   EXPECT_LE(score(features, random_descriptors(40, 10)), 1.0 / 40);
   EXPECT_EQ(score(features, features), 1.0);
+}
+
+TEST(CompactPlace, CornersCountLessTheMoreBitsDifferAndTheLessTheyStandOut) {
+  const auto place = [](const Descriptors& corners) {
+    return describe_place({}, PlaceMode::kCompact, corners);
+  };
+  const auto differing = [](int bits) {
+    BinaryDescriptor descriptor{};
+    for (int bit = 0; bit < bits; ++bit) descriptor[0] |= static_cast<std::uint8_t>(1 << bit);
+    return descriptor;
+  };
+  const auto score = [&](int bits, int bits_of_next) {
+    return place_score(PlaceMode::kCompact, place({differing(0)}),
+                       place({differing(bits), differing(bits_of_next)}));
+  };
+  EXPECT_EQ(score(0, 8), 0.5) << "one of two corners";
+  EXPECT_LT(score(2, 8), score(1, 8));
+  EXPECT_LT(score(2, 4), score(2, 8));
+  EXPECT_EQ(score(4, 4), 0);
 }
 
 TEST(CompactPlace, FitsIntoOnePacket) {
