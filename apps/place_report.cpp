@@ -129,9 +129,10 @@ std::string drawing_of(const std::vector<DatasetComparison>& comparisons) {
                         "</style>\n<rect width=\"100%\" height=\"100%\" fill=\"var(--card)\"/>\n" +
                         legend(comparisons.front(), kLegendHeight / 2) + "\n";
   for (std::size_t i = 0; i < comparisons.size(); ++i) {
-    drawing += open_svg(kChartWidth * static_cast<double>(i % columns),
-                        kLegendHeight + kChartHeight * static_cast<double>(i / columns),
-                        kChartWidth, kChartHeight) +
+    const std::size_t row = i / columns, column = i % columns;
+    drawing += open_svg(kChartWidth * static_cast<double>(column),
+                        kLegendHeight + kChartHeight * static_cast<double>(row), kChartWidth,
+                        kChartHeight) +
                render_svg(chart_of(comparisons[i])) + "</svg>\n";
   }
   return drawing + "</svg>\n";

@@ -187,7 +187,7 @@ double default_threshold(PlaceMode mode) {
     case PlaceMode::kCompact:
       break;
   }
-  return 0.016;
+  return 0.012;
 }
 
 std::uint64_t vocabulary_hash(const Vocabulary& vocabulary, PlaceMode mode) {

@@ -48,9 +48,10 @@ using PlaceDescriptor = std::vector<std::uint8_t>;
 [[nodiscard]] double place_score(PlaceMode mode, const PlaceDescriptor& a,
                                  const PlaceDescriptor& b);
 
-// The score from which on an answer is likely of use: in compact mode, around the simulated castle,
-// two views of one place in three pass, and with them a few hundredths of those of other places
-// (docs/places.md). A VLAD's score says little there, so nearly every request is answered.
+// The score from which on an answer is worth a try: in compact mode four in five views of the same
+// place pass it around the simulated castle (docs/places.md). It is low because the landmarks of an
+// answer, fewer than the corners of a view, have to pass it as well. A VLAD's score says little, so
+// nearly every request is answered.
 [[nodiscard]] double default_threshold(PlaceMode mode);
 
 // Equal exactly when descriptors of both sides can be compared: same words, same mode (FNV-1a, 64
