@@ -53,6 +53,8 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
         using Message = std::decay_t<decltype(message)>;
         if constexpr (std::is_same_v<Message, AgentStatus>) {
           return std::pair(message.stamp_ns, message.agent);
+        } else if constexpr (std::is_same_v<Message, PeerKeyframe>) {
+          return std::pair(message.pose.stamp_ns, message.sender);
         } else {
           return std::pair(message.stamp_ns, message.sender);
         }

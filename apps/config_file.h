@@ -13,6 +13,7 @@
 #include "apps/config_visitor.h"
 #include "comms/peer_link.h"
 #include "estimator/config.h"
+#include "estimator/drift_filter.h"
 #include "frontend/collaborator.h"
 #include "frontend/tracker.h"
 
@@ -54,12 +55,24 @@ struct InitialisationConfig {
   double yaw = 0;                                         // rad
 };
 
+enum class FusionMode {
+  kJoint,             // a small filter over all drones' drift (drift_filter.h)
+  kIntersectedState,  // the paper's: peers' landmarks correct the own filter by covariance
+                      // intersection
+};
+
+struct FusionConfig {
+  FusionMode mode = FusionMode::kJoint;
+  DriftConfig drift;
+};
+
 struct AgentConfig {
   AgentSettings agent;
   InitialisationConfig initialisation;
   TrackerConfig tracker;
   EstimatorConfig estimator;  // imu_noise and extrinsics are the dataset's, from sensor.yaml
   CollaboratorConfig collaboration;
+  FusionConfig fusion;
   LinkConfig link;
 };
 

@@ -173,6 +173,10 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("resend_interval_s", c.limiter.resend_interval_s, {0, 1e4},
            "[s] same keyframe to one peer");
   v.count("max_peers", c.limiter.max_peers, {1, 1000}, "that get answers");
+  v.number("loop_min_age_s", c.loop_min_age_s, {0, 1e6}, "[s] of an own keyframe to return to");
+  v.number("revisit_max_difference", c.revisit_max_difference, {0, 10},
+           "of a keyframe that is matched again: way over depth, plus angle in rad");
+  v.count("max_revisits", c.max_revisits, {0, 100}, "for one keyframe");
   v.count("min_landmarks", c.min_landmarks, {1, 1e4}, "in a message");
   v.count("max_landmarks", c.max_landmarks, {1, 1e4}, "in a message");
   v.number("max_relative_sigma", c.max_relative_sigma, {1e-3, 10},
@@ -180,7 +184,7 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
 }
 
 void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
-  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 256}, "of 256");
+  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 128}, "of 128");
   v.number("match_ratio", c.matching.ratio, {0.01, 1}, "best to second best distance");
   v.number("verify_inlier_px", c.verification.inlier_px, {0.01, 100}, "[px] reprojection error");
   v.count("verify_min_inliers", c.verification.min_inliers, {3, 1e4}, "landmarks");
@@ -193,10 +197,27 @@ void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
   v.angle("verify_max_yaw_deg", c.verification.max_yaw, {0, 180}, "[deg] between two drones");
   v.number("guided_radius_px", c.guided.radius_px, {0.01, 100},
            "[px] about where a peer's landmark must appear");
-  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 256}, "of 256");
+  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 128}, "of 128");
   v.count("min_matches", c.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
   v.number("matching_sigma_px", c.matching_sigma_px, {0, 100},
            "[px] to which two descriptors agree on a corner");
+}
+
+void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
+  v.option(
+      "mode", fusion.mode, {"joint", "ci"},
+      "a filter over all drones' drift, or the paper's covariance intersection in the own one");
+  v.count("max_keyframes", fusion.drift.max_keyframes, {4, 1000}, "whose drift is estimated");
+  v.number("gate_confidence", fusion.drift.gate_confidence, {0.5, 0.999999},
+           "share of good relative poses that pass the chi-square gate");
+  v.number("least_claim", fusion.drift.least_claim, {0, 1},
+           "of the own drift's variance; a peer that claims less is not believed");
+  v.flag("common_start", fusion.drift.common_start,
+         "all drones start in one world; otherwise peers' worlds are aligned first");
+  v.count("alignment_votes", fusion.drift.alignment_votes, {2, 100},
+          "relative poses that must agree before a peer's world is aligned");
+  v.number("alignment_agree_m", fusion.drift.alignment_agree_m, {1e-3, 100}, "[m]");
+  v.angle("alignment_agree_deg", fusion.drift.alignment_agree_rad, {0.01, 90}, "[deg]");
 }
 
 void visit_link(LinkConfig& link, ConfigVisitor& v) {
@@ -224,6 +245,7 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
   section("estimator", config.estimator, visit_estimator, visit_features, visit_calibration,
           visit_standing_still);
   section("collaboration", config.collaboration, visit_collaboration, visit_matching);
+  section("fusion", config.fusion, visit_fusion);
   section("link", config.link, visit_link);
 }
 

@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "apps/process_usage.h"
+#include "estimator/observation_model.h"
+#include "estimator/relative_pose.h"
 #include "estimator/so3.h"
 #include "frontend/vocabulary_visual.h"
 
@@ -25,10 +27,20 @@ CollaboratorConfig collaborator_config(const AgentConfig& config) {
 }
 
 Eigen::Isometry3d camera_in_world(const Pose& pose, const CameraExtrinsics& extrinsics) {
+  const CameraPose camera = camera_pose(pose, extrinsics);
   Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
-  T_world_cam.linear() = (pose.q_world_imu * extrinsics.q_imu_cam).toRotationMatrix();
-  T_world_cam.translation() = pose.p_world_imu + pose.q_world_imu * extrinsics.p_imu_cam;
+  T_world_cam.linear() = camera.R_world_cam;
+  T_world_cam.translation() = camera.p_world_cam;
   return T_world_cam;
+}
+
+// Of [dp dtheta] of the camera, both in world axes.
+Matrix6d camera_covariance(const Odometry& odometry, const CameraExtrinsics& extrinsics) {
+  const Eigen::Matrix3d R = odometry.pose.q_world_imu.toRotationMatrix();
+  Matrix6d J = Matrix6d::Identity();
+  J.topRightCorner<3, 3>() = -R * skew(extrinsics.p_imu_cam);
+  J.bottomRightCorner<3, 3>() = R;
+  return J * odometry.pose_covariance * J.transpose();
 }
 
 // Adds the time since its birth to one field.
@@ -81,6 +93,9 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
   if (config.agent.mode == FlightMode::kCollaborative) {
     const double focal_length_px = (sensors.camera.fx + sensors.camera.fy) / 2;
     collaborator_.emplace(collaborator_config(config), visual_vocabulary(), focal_length_px);
+    if (config.fusion.mode == FusionMode::kJoint) {
+      drift_.emplace(config.fusion.drift, config.agent.name);
+    }
   }
 }
 
@@ -114,11 +129,12 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   if (started()) {
     result.update = estimator_.add_camera(to_measurement(frame));
     take_over(result.update, result.timing);
-    Odometry odometry = estimator_.odometry();
-    odometry.stamp_ns = stamp_ns;  // the image's clock, which may be offset from the IMU's
-    status_.status = odometry.status;
-    if (collaborator_) result.advert = keyframe(frame, odometry, result.timing);
-    result.odometry = odometry;
+    Odometry alone = estimator_.odometry();
+    alone.stamp_ns = stamp_ns;  // the image's clock, which may be offset from the IMU's
+    status_.status = alone.status;
+    if (collaborator_) result.advert = keyframe(frame, alone, result.timing);
+    result.odometry = drift_ ? drift_->corrected(alone) : alone;
+    result.alone = alone;
   }
   forget_old_imu(stamp_ns);
   return result;
@@ -156,26 +172,29 @@ Eigen::Matrix3d Pipeline::predicted_rotation(TimeNs stamp_ns) const {
   return (q_imu_cam.conjugate() * q_previous_now.conjugate() * q_imu_cam).toRotationMatrix();
 }
 
-std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometry& odometry,
+std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometry& alone,
                                               TimingRecord& timing) {
-  const Eigen::Isometry3d T_world_cam = camera_in_world(odometry.pose, estimator_.extrinsics());
-  const std::vector<LandmarkEstimate> landmarks = estimator_.landmarks();
-  std::optional<PlaceAdvert> advert;
-  bool wanted = false;
-  {
-    const StageTimer timer(timing.place_ms);
-    collaborator_->update_landmarks(landmarks);
-    wanted = odometry.status == FilterStatus::kTracking &&
-             collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam, landmarks);
+  const CameraExtrinsics extrinsics = estimator_.extrinsics();
+  const Eigen::Isometry3d T_world_cam = camera_in_world(alone.pose, extrinsics);
+  if (alone.status != FilterStatus::kTracking ||
+      !collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam)) {
+    return std::nullopt;
   }
-  if (!wanted) return advert;
   {
     const StageTimer timer(timing.describe_ms);
     tracker_.describe(frame, T_world_cam.linear());
   }
-  const StageTimer timer(timing.place_ms);
-  advert = collaborator_->add_keyframe(frame, T_world_cam, landmarks);
+  std::vector<KeyframeMatch> revisited;
+  std::optional<PlaceAdvert> advert;
+  {
+    const StageTimer timer(timing.place_ms);
+    advert = collaborator_->add_keyframe(frame, T_world_cam, camera_covariance(alone, extrinsics),
+                                         estimator_.depths());
+    if (drift_) drift_->add_own(collaborator_->database().last()->pose);
+    if (drift_) revisited = collaborator_->revisit();
+  }
   ++status_.keyframes;
+  for (const KeyframeMatch& match : revisited) (void)fuse(match);
   return advert;
 }
 
@@ -187,15 +206,34 @@ std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {
 
 PeerOutcome Pipeline::fuse(const PeerKeyframe& message) {
   if (!collaborator_) return PeerOutcome::kRejected;
-  std::variant<PeerMatches, NoMatch> matched;
+  std::variant<KeyframeMatch, NoMatch> matched;
   {
     const StageTimer timer(peer_work_.match_ms);
     matched = collaborator_->match(message);
   }
-  const auto* matches = std::get_if<PeerMatches>(&matched);
-  if (matches == nullptr || !started()) return PeerOutcome::kRejected;
+  const auto* match = std::get_if<KeyframeMatch>(&matched);
+  return match != nullptr && started() ? fuse(*match) : PeerOutcome::kRejected;
+}
+
+PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
   const StageTimer timer(peer_work_.peer_ms);
-  const PeerReport report = estimator_.add_peer(*matches);
+  if (drift_) {
+    const auto relative = estimate_relative_pose(match, config_.collaboration.min_matches);
+    if (!relative) return PeerOutcome::kRejected;
+    switch (drift_->add(*relative)) {
+      case DriftOutcome::kUsed:
+        peer_landmarks_.used += relative->inliers;
+        return PeerOutcome::kFused;
+      case DriftOutcome::kGated:
+        peer_landmarks_.gated += relative->inliers;
+        return PeerOutcome::kGated;
+      case DriftOutcome::kUnaligned:
+      case DriftOutcome::kInvalid:
+        break;
+    }
+    return PeerOutcome::kRejected;
+  }
+  const PeerReport report = estimator_.add_peer(match);
   peer_landmarks_.used += report.used;
   peer_landmarks_.gated += report.gated;
   peer_landmarks_.unknown_track += report.unknown_track;

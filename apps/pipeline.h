@@ -11,6 +11,7 @@
 #include "apps/config_file.h"
 #include "apps/initialisation.h"
 #include "apps/run_files.h"
+#include "estimator/drift_filter.h"
 #include "estimator/estimator.h"
 #include "frontend/camera.h"
 #include "frontend/collaborator.h"
@@ -30,7 +31,8 @@ struct SensorSetup {
 };
 
 struct ImageResult {
-  std::optional<Odometry> odometry;   // once started
+  std::optional<Odometry> odometry;   // once started; with what the team knows
+  std::optional<Odometry> alone;      // the same without it
   std::optional<PlaceAdvert> advert;  // at keyframes, when flying together
   UpdateReport update;
   std::int64_t tracks_begun = 0;
@@ -61,19 +63,23 @@ class Pipeline {
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.
   [[nodiscard]] const PeerReport& peer_landmarks() const { return peer_landmarks_; }
+  [[nodiscard]] const DriftFilter* team_knowledge() const { return drift_ ? &*drift_ : nullptr; }
 
  private:
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
-  [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& odometry,
+  // `alone`: what the odometry says that peers hear.
+  [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& alone,
                                                     TimingRecord& timing);
+  PeerOutcome fuse(const KeyframeMatch& match);
 
   AgentConfig config_;
   Initialisation initialisation_;
   Tracker tracker_;
   Estimator estimator_;
   std::optional<Collaborator> collaborator_;
+  std::optional<DriftFilter> drift_;  // unless peers are fused in the estimator
   std::vector<ImuSample> recent_imu_;
   std::optional<TimeNs> previous_image_ns_, start_ns_;
   TimingRecord peer_work_;  // since the last image

@@ -4,7 +4,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 namespace covey {
 namespace {
@@ -32,18 +31,22 @@ bool is_covariance(const Eigen::Matrix<double, N, N>& covariance, double min_sig
 
 Problem problem_with(const PeerLandmark& landmark) {
   if (!within(landmark.bearing, kMaxBearing)) return "bearing not plausible";
-  if (!within(landmark.estimate.p_world, kMaxPosition)) return "landmark position not plausible";
-  if (!is_covariance<3>(landmark.estimate.covariance, kMinLandmarkSigma))
-    return "landmark covariance not positive definite or not plausible";
+  // Written so that NaN fails too.
+  const double rho = landmark.inverse_depth, sigma = landmark.inverse_depth_sigma;
+  if (!(rho >= kMinInverseDepth && rho <= kMaxInverseDepth)) return "depth not plausible";
+  if (!(sigma >= 0 && sigma <= rho)) return "depth uncertainty not plausible";
   return {};
 }
 
-bool has_duplicate_ids(const std::vector<PeerLandmark>& landmarks) {
-  std::vector<std::uint64_t> ids(landmarks.size());
-  std::transform(landmarks.begin(), landmarks.end(), ids.begin(),
-                 [](const PeerLandmark& landmark) { return landmark.estimate.landmark_id; });
-  std::sort(ids.begin(), ids.end());
-  return std::adjacent_find(ids.begin(), ids.end()) != ids.end();
+Problem problem_with(const KeyframePose& pose) {
+  if (!is_stamp(pose.stamp_ns)) return "stamp not plausible";
+  if (!within(pose.T_world_cam.translation(), kMaxPosition)) return "position not plausible";
+  const Eigen::Matrix3d R = pose.T_world_cam.linear();
+  if (!within(R.transpose() * R - Eigen::Matrix3d::Identity(), kUnitTolerance))
+    return "attitude is not a rotation";
+  if (!is_covariance<6>(pose.covariance, 0.0))
+    return "pose covariance not positive definite or not plausible";
+  return {};
 }
 
 }  // namespace
@@ -57,6 +60,9 @@ bool is_agent_name(const std::string& name) {
          std::all_of(name.begin(), name.end(), allowed);
 }
 
+// Written so that NaN fails too.
+bool is_unit(const Eigen::Quaterniond& q) { return std::abs(q.norm() - 1.0) <= kUnitTolerance; }
+
 Problem problem_with(const PlaceAdvert& advert) {
   if (!is_agent_name(advert.sender)) return "sender is not a drone's name";
   if (!is_stamp(advert.stamp_ns)) return "stamp not plausible";
@@ -68,11 +74,10 @@ Problem problem_with(const PlaceAdvert& advert) {
 Problem problem_with(const PeerKeyframe& keyframe) {
   if (!is_agent_name(keyframe.sender)) return "sender is not a drone's name";
   if (!is_agent_name(keyframe.receiver)) return "receiver is not a drone's name";
-  if (!is_stamp(keyframe.stamp_ns)) return "stamp not plausible";
+  if (const Problem problem = problem_with(keyframe.pose)) return problem;
   if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
   for (const PeerLandmark& landmark : keyframe.landmarks)
     if (const Problem problem = problem_with(landmark)) return problem;
-  if (has_duplicate_ids(keyframe.landmarks)) return "two landmarks with one id";
   return {};
 }
 
@@ -87,9 +92,7 @@ Problem problem_with(const Odometry& odometry) {
   if (!is_stamp(odometry.stamp_ns)) return "stamp not plausible";
   if (!is_status(odometry.status)) return "unknown filter status";
   if (!within(odometry.pose.p_world_imu, kMaxPosition)) return "position not plausible";
-  // Written so that NaN fails too.
-  if (!(std::abs(odometry.pose.q_world_imu.norm() - 1.0) <= kUnitTolerance))
-    return "attitude is not a unit quaternion";
+  if (!is_unit(odometry.pose.q_world_imu)) return "attitude is not a unit quaternion";
   if (!within(odometry.v_world_imu, kMaxSpeed)) return "velocity not plausible";
   if (!within(odometry.gyro_bias, kMaxGyroBias)) return "gyro bias not plausible";
   if (!within(odometry.accel_bias, kMaxAccelBias)) return "accelerometer bias not plausible";

@@ -19,16 +19,19 @@ inline constexpr std::size_t kMaxHears = 64;              // as in idl/covey.idl
 
 // Plausible magnitudes: far beyond what a drone does, near enough that arithmetic stays sane.
 inline constexpr TimeNs kMaxStampNs = 4'000'000'000'000'000'000;  // differences cannot overflow
-inline constexpr double kMaxBearing = 10.0;        // tangent: 84 degrees off the optical axis
-inline constexpr double kMaxPosition = 1e5;        // m
-inline constexpr double kMaxSpeed = 200.0;         // m/s
-inline constexpr double kMaxGyroBias = 10.0;       // rad/s
-inline constexpr double kMaxAccelBias = 100.0;     // m/s2
-inline constexpr double kMaxSigma = 1e4;           // m or rad
-inline constexpr double kMinLandmarkSigma = 1e-6;  // m, in any direction: nobody knows better
+inline constexpr double kMaxBearing = 3.99;  // tangent: 76 degrees off the optical axis
+inline constexpr double kMinInverseDepth = 1.0 / 65536, kMaxInverseDepth = 65535;  // 1/m
+inline constexpr double kMaxPosition = 1e5;                                        // m
+inline constexpr double kMaxSpeed = 200.0;                                         // m/s
+inline constexpr double kMaxGyroBias = 10.0;                                       // rad/s
+inline constexpr double kMaxAccelBias = 100.0;                                     // m/s2
+inline constexpr double kMaxSigma = 1e4;                                           // m or rad
 
 // 1..32 characters of [A-Za-z0-9_-]: also safe in topic and file names.
 [[nodiscard]] bool is_agent_name(const std::string& name);
+
+// Up to what rounding to float32 does to it. Not if any component is not finite.
+[[nodiscard]] bool is_unit(const Eigen::Quaterniond& q);
 
 // The first thing that is wrong, in words from a fixed set (they are counted); none if all is well.
 using Problem = std::optional<std::string>;

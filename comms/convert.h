@@ -20,11 +20,11 @@ namespace covey {
 
 using Bytes = std::vector<std::uint8_t>;
 
-inline constexpr std::uint8_t kWireVersion = 1;
+inline constexpr std::uint8_t kWireVersion = 2;
 
 // Largest samples that are sent or accepted, bytes: the bounds of idl/covey.idl, rounded up.
 inline constexpr std::size_t kMaxRequestBytes = 4352;
-inline constexpr std::size_t kMaxMessageBytes = 24576;
+inline constexpr std::size_t kMaxMessageBytes = 6400;
 inline constexpr std::size_t kMaxStatusBytes = 768;
 inline constexpr std::size_t kMaxOdometryBytes = 384;
 

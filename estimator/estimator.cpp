@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <optional>
 
 #include "estimator/imu_buffer.h"
@@ -388,13 +389,13 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   return report;
 }
 
-PeerReport Estimator::add_peer(const PeerMatches& matches) {
+PeerReport Estimator::add_peer(const KeyframeMatch& match) {
   PeerReport report;
   if (!impl_->state) {
-    report.unknown_track = static_cast<int>(matches.matches.size());
+    report.unknown_track = static_cast<int>(match.matches.size());
     return report;
   }
-  return update_from_peer(*impl_->state, matches, impl_->gate_peer);
+  return update_from_peer(*impl_->state, matches_in_world(match), impl_->gate_peer);
 }
 
 Odometry Estimator::odometry() const {
@@ -417,13 +418,22 @@ Odometry Estimator::odometry() const {
   return odometry;
 }
 
-std::vector<LandmarkEstimate> Estimator::landmarks() const {
-  std::vector<LandmarkEstimate> result;
-  if (!impl_->state) return result;
-  const int count = static_cast<int>(impl_->state->landmarks().size());
-  result.reserve(static_cast<std::size_t>(count));
-  for (int i = 0; i < count; ++i) result.push_back(landmark_estimate(*impl_->state, i));
-  return result;
+std::vector<TrackDepth> Estimator::depths() {
+  std::vector<TrackDepth> depths;
+  if (!impl_->state || !impl_->seeing) return depths;
+  const State& state = *impl_->state;
+  for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
+    const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
+    const int rho = state.landmark_offset(i) + 2;
+    const double sigma = std::sqrt(state.covariance()(rho, rho));
+    const auto depth = depth_from(state, landmark, sigma / landmark.inverse_depth.z());
+    if (depth) depths.push_back(*depth);
+  }
+  for (const Track& track : impl_->store.tracks()) {
+    if (!track.seen_now) continue;
+    if (const auto depth = impl_->vision->depth_of(state, track)) depths.push_back(*depth);
+  }
+  return depths;
 }
 
 CameraExtrinsics Estimator::extrinsics() const {

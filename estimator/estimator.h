@@ -65,13 +65,15 @@ class Estimator {
   // Propagates to the image, clones, updates, marginalises.
   UpdateReport add_camera(const CameraMeasurement& measurement);
 
-  // Collaborative SLAM-SLAM update: own landmarks and a peer's are one point each (paper,
-  // eq. 11..17).
-  PeerReport add_peer(const PeerMatches& matches);
+  // Collaborative update by covariance intersection: own landmarks and a peer's are one point each
+  // (paper, eq. 11..17).
+  PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;
-  [[nodiscard]] std::vector<LandmarkEstimate> landmarks() const;  // SLAM features, in world
-  [[nodiscard]] CameraExtrinsics extrinsics() const;              // as calibrated so far
+  // What the filter knows of the tracks of the newest image: SLAM features and, out of the window's
+  // views, tracks that are none (MSCKF features to be, and opportunistic ones).
+  [[nodiscard]] std::vector<TrackDepth> depths();
+  [[nodiscard]] CameraExtrinsics extrinsics() const;  // as calibrated so far
 
  private:
   struct Impl;

@@ -74,13 +74,24 @@ struct Odometry {
 // ----------------------------------------------------------------------------- between drones
 
 using BinaryDescriptor = std::array<std::uint8_t, 32>;  // ORB, 256 bits
+// Its first half: ORB's tests are sorted, those that tell most come first (Rublee et al. 2011).
+// With the geometry to check them, drones match by it as well as by the whole.
+using ShortDescriptor = std::array<std::uint8_t, 16>;
 
-// A landmark of one drone as it stands: what both collaborative updates need (METHOD: {p_f,
-// Sigma_f}).
-struct LandmarkEstimate {
-  std::uint64_t landmark_id = 0;                      // the track id at the drone that owns it
-  Eigen::Vector3d p_world = Eigen::Vector3d::Zero();  // m
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();  // m2, marginal, in world
+// How far away a tracked corner is, seen from the newest image.
+struct TrackDepth {
+  std::uint64_t track_id = 0;
+  double inverse_depth = 0;        // 1/z in cam, 1/m
+  double inverse_depth_sigma = 0;  // 1/m, given the camera's pose
+};
+
+// The camera at a keyframe as its drone's own odometry has it, without any peer's help: that is
+// what makes the errors of two drones independent.
+struct KeyframePose {
+  std::uint64_t keyframe_id = 0;  // counts up per drone
+  TimeNs stamp_ns = 0;
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();  // in the drone's own world
+  Matrix6d covariance = Matrix6d::Identity();  // of [dp dtheta], both in world: R = Exp(dtheta) R^
 };
 
 // "I am here: has anybody seen this place?" (the paper's RequestUAV)
@@ -92,20 +103,41 @@ struct PlaceAdvert {
   std::vector<std::uint8_t> descriptor;  // of the place: binary VLAD or shortened corners
 };
 
+// A landmark in the camera of the keyframe that saw it.
 struct PeerLandmark {
-  BinaryDescriptor descriptor{};
-  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // in the sender's keyframe, normalised plane
-  LandmarkEstimate estimate;
+  ShortDescriptor descriptor{};
+  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // (x/z, y/z)
+  double inverse_depth = 0;                           // 1/m
+  double inverse_depth_sigma = 0;                     // 1/m, given the keyframe's pose
 };
 
-// A keyframe of one drone, sent to the one that asked (the paper's MessageUAV).
+// A keyframe of one drone, sent to the one that asked (the paper's MessageUAV). Pose, its
+// covariance and the landmarks' depths are nearly the joint covariance of all landmarks.
 struct PeerKeyframe {
   std::string sender;
   std::string receiver;
   std::uint64_t request_keyframe_id = 0;  // PlaceAdvert::keyframe_id that is answered
-  std::uint64_t keyframe_id = 0;          // the sender's keyframe
-  TimeNs stamp_ns = 0;                    // when the sender's keyframe was taken
+  KeyframePose pose;                      // in the sender's world
   std::vector<PeerLandmark> landmarks;
+};
+
+// Own track `track_id` and a landmark of another keyframe are the same point of the scene.
+struct LandmarkMatch {
+  std::uint64_t track_id = 0;
+  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();        // in the own keyframe
+  Eigen::Vector2d other_bearing = Eigen::Vector2d::Zero();  // in the other keyframe
+  double inverse_depth = 0;                                 // 1/m, there
+  double inverse_depth_sigma = 0;                           // 1/m
+};
+
+// An own keyframe and another one, of a peer or an older one of the own, that see the same points.
+struct KeyframeMatch {
+  std::string drone;  // whose keyframe the other one is
+  KeyframePose own;
+  KeyframePose other;                                             // in that drone's world
+  Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
+  double bearing_sigma = 0;  // to which two drones agree on a corner, normalised plane
+  std::vector<LandmarkMatch> matches;
 };
 
 struct AgentStatus {
@@ -115,20 +147,6 @@ struct AgentStatus {
   std::uint32_t frames = 0;
   std::uint32_t tracks = 0;
   std::uint32_t keyframes = 0;
-};
-
-// Own track `track_id` and a peer's landmark are the same point of the scene.
-struct LandmarkMatch {
-  std::uint64_t track_id = 0;
-  LandmarkEstimate peer;      // as the peer sent it
-  double matching_sigma = 0;  // m, of each axis: how far the two corners may be apart; independent
-                              // from match to match
-};
-
-struct PeerMatches {
-  std::string peer;
-  TimeNs stamp_ns = 0;  // of the own keyframe that was matched
-  std::vector<LandmarkMatch> matches;
 };
 
 }  // namespace covey

@@ -90,4 +90,16 @@ CameraPose camera_pose(const Pose& pose, const CameraExtrinsics& extrinsics) {
           pose.p_world_imu + R_world_imu * extrinsics.p_imu_cam};
 }
 
+std::optional<TrackDepth> depth_from(const State& state, const SlamLandmark& landmark,
+                                     double relative_sigma) {
+  const int anchor = state.find_clone(landmark.anchor_id);
+  const Pose& anchor_pose = state.clones()[static_cast<std::size_t>(anchor)].pose;
+  const Eigen::Vector3d p_world =
+      anchored_point(landmark.inverse_depth, anchor_pose, state.extrinsics()).p_world;
+  const auto now = inverse_depth_of_point(p_world, state.imu().pose, state.extrinsics());
+  if (!now.in_front) return std::nullopt;
+  const double inverse_depth = now.inverse_depth.z();
+  return TrackDepth{landmark.track_id, inverse_depth, relative_sigma * inverse_depth};
+}
+
 }  // namespace covey

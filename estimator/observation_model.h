@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "estimator/state.h"
 
@@ -56,5 +57,10 @@ struct CameraPose {
   Eigen::Vector3d p_world_cam;
 };
 [[nodiscard]] CameraPose camera_pose(const Pose& pose, const CameraExtrinsics& extrinsics);
+
+// Inverse depth of an anchored landmark in the present camera; `relative_sigma`: of its depth,
+// given the anchor. Nothing behind the camera.
+[[nodiscard]] std::optional<TrackDepth> depth_from(const State& state, const SlamLandmark& landmark,
+                                                   double relative_sigma);
 
 }  // namespace covey

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "estimator/covariance_intersection.h"
+#include "estimator/ekf_update.h"
 #include "estimator/observation_model.h"
+#include "estimator/so3.h"
 
 namespace covey {
 namespace {
@@ -48,26 +50,32 @@ void add_jacobian(const State& state, const WorldLandmark& landmark, double weig
   }
 }
 
+// The local columns of its Jacobian, and where they stand in the state: [anchor feature
+// (extrinsics)].
 Eigen::Matrix3d marginal(const State& state, const WorldLandmark& landmark) {
+  Eigen::Matrix<double, 3, 15> J;
+  J << landmark.J_anchor, landmark.J_inverse_depth, landmark.J_extrinsics;
+  Columns columns;
+  columns.add(landmark.anchor_offset, 6);
+  columns.add(landmark.landmark_offset, 3);
+  if (state.extrinsics_offset() >= 0) columns.add(state.extrinsics_offset(), 6);
   const auto P = state.covariance();
-  const int a = landmark.anchor_offset, l = landmark.landmark_offset;
-  Eigen::MatrixXd J(3, 9), P_local(9, 9);
-  J << landmark.J_anchor, landmark.J_inverse_depth;
-  P_local << P.block(a, a, 6, 6), P.block(a, l, 6, 3), P.block(l, a, 3, 6), P.block(l, l, 3, 3);
-  if (const int e = state.extrinsics_offset(); e >= 0) {
-    J.conservativeResize(3, 15);
-    J.rightCols<6>() = landmark.J_extrinsics;
-    P_local.conservativeResize(15, 15);
-    P_local.bottomRightCorner(6, 6) = P.block(e, e, 6, 6);
-    P_local.block(0, 9, 6, 6) = P.block(a, e, 6, 6);
-    P_local.block(6, 9, 3, 6) = P.block(l, e, 3, 6);
-    P_local.block(9, 0, 6, 9) = P_local.block(0, 9, 9, 6).transpose();
+  Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
+  for (int i = 0, a = 0; i < columns.count;
+       a += columns.ranges[static_cast<std::size_t>(i++)].size) {
+    const ColumnRange& rows = columns.ranges[static_cast<std::size_t>(i)];
+    for (int k = 0, b = 0; k < columns.count;
+         b += columns.ranges[static_cast<std::size_t>(k++)].size) {
+      const ColumnRange& cols = columns.ranges[static_cast<std::size_t>(k)];
+      S.noalias() += J.middleCols(a, rows.size) *
+                     P.block(rows.offset, cols.offset, rows.size, cols.size) *
+                     J.middleCols(b, cols.size).transpose();
+    }
   }
-  const Eigen::Matrix3d S = J * P_local * J.transpose();
   return (S + S.transpose()) / 2;
 }
 
-bool plausible(const LandmarkMatch& match) {
+bool plausible(const WorldMatch& match) {
   return match.peer.p_world.allFinite() && match.peer.covariance.allFinite() &&
          match.matching_sigma >= 0 && std::isfinite(match.matching_sigma) &&
          Eigen::LLT<Eigen::Matrix3d>(match.peer.covariance).info() == Eigen::Success;
@@ -75,16 +83,16 @@ bool plausible(const LandmarkMatch& match) {
 
 struct Pair {
   WorldLandmark own;
-  const LandmarkMatch* match = nullptr;
+  const WorldMatch* match = nullptr;
   double weight = 0;
 };
 
 // The pairs that the state knows and that agree; weights by what both know, summing up to one.
-std::vector<Pair> agreeing_pairs(const State& state, const PeerMatches& matches,
+std::vector<Pair> agreeing_pairs(const State& state, const std::vector<WorldMatch>& matches,
                                  double gate_limit_3dof, PeerReport& report) {
   std::vector<Pair> pairs;
   double sum = 0;
-  for (const LandmarkMatch& match : matches.matches) {
+  for (const WorldMatch& match : matches) {
     const int index = state.find_landmark(match.track_id);
     if (index < 0) {
       ++report.unknown_track;
@@ -127,13 +135,37 @@ PointEstimate peer_mean(const std::vector<Pair>& pairs) {
 
 }  // namespace
 
+std::vector<WorldMatch> matches_in_world(const KeyframeMatch& match) {
+  constexpr double kFarthest = 1e-4;  // 1/m
+  const Eigen::Isometry3d& T = match.other.T_world_cam;
+  std::vector<WorldMatch> matches;
+  for (const LandmarkMatch& landmark : match.matches) {
+    if (!(landmark.inverse_depth > kFarthest)) continue;
+    const Eigen::Vector3d p_cam = landmark.other_bearing.homogeneous() / landmark.inverse_depth;
+    const Eigen::Vector3d from_camera = T.linear() * p_cam;
+    Eigen::Matrix<double, 3, 6> J_pose;  // [dp dtheta], in world
+    J_pose << Eigen::Matrix3d::Identity(), -skew(from_camera);
+    const Eigen::Vector3d by_depth =
+        from_camera / landmark.inverse_depth * landmark.inverse_depth_sigma;
+    WorldMatch point;
+    point.track_id = landmark.track_id;
+    point.peer.p_world = T.translation() + from_camera;
+    point.peer.covariance =
+        J_pose * match.other.covariance * J_pose.transpose() + by_depth * by_depth.transpose();
+    point.matching_sigma = match.bearing_sigma * from_camera.norm();
+    matches.push_back(point);
+  }
+  return matches;
+}
+
 LandmarkEstimate landmark_estimate(const State& state, int landmark_index) {
   const WorldLandmark landmark = world_landmark(state, landmark_index);
   return {state.landmarks()[static_cast<std::size_t>(landmark_index)].track_id, landmark.p_world,
           marginal(state, landmark)};
 }
 
-PeerReport update_from_peer(State& state, const PeerMatches& matches, double gate_limit_3dof) {
+PeerReport update_from_peer(State& state, const std::vector<WorldMatch>& matches,
+                            double gate_limit_3dof) {
   PeerReport report;
   const std::vector<Pair> pairs = agreeing_pairs(state, matches, gate_limit_3dof, report);
   if (pairs.empty()) return report;

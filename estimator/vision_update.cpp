@@ -199,6 +199,14 @@ double VisionUpdate::depth_error(const State& state, const Linearized& feature) 
   return std::sqrt(variance) / feature.landmark.inverse_depth.z();
 }
 
+std::optional<TrackDepth> VisionUpdate::depth_of(const State& state, const Track& track) {
+  Linearized feature;
+  if (!linearize(state, track, feature)) return std::nullopt;
+  const double relative_sigma = depth_error(state, feature);
+  if (!(relative_sigma < config_.max_msckf_depth_error)) return std::nullopt;
+  return depth_from(state, feature.landmark, relative_sigma);
+}
+
 // Chi-square test of the rows that no longer depend on the feature: 2k - 3 degrees of freedom.
 bool VisionUpdate::passes_gate(const State& state, int rows) const {
   const int columns = window_columns(state);

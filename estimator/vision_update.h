@@ -4,6 +4,7 @@
 // track ended or whose oldest clone is about to leave, and tracks that become SLAM features.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "estimator/chi_square.h"
@@ -36,6 +37,9 @@ class VisionUpdate {
   // agree.
   [[nodiscard]] bool start(State& state, const std::vector<const Track*>& tracks,
                            UpdateReport& report);
+
+  // Inverse depth of a track, seen from the present pose. Nothing when it is not known.
+  [[nodiscard]] std::optional<TrackDepth> depth_of(const State& state, const Track& track);
 
   // Moves the anchor of every SLAM feature off this clone; one that cannot be moved is dropped.
   void reanchor(State& state, int leaving_clone, UpdateReport& report) const;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frontend/collaborator.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <iterator>
+#include <map>
 #include <stdexcept>
+#include <unordered_map>
+#include <utility>
 
 #include "frontend/compact_place.h"
 
@@ -30,51 +32,52 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, doubl
           "need max_relative_sigma > 0 and matching_sigma_px >= 0");
 }
 
-double largest_sigma(const Eigen::Matrix3d& covariance) {
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  eigen.computeDirect(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(eigen.eigenvalues().maxCoeff());
-}
-
-bool is_valid(const LandmarkEstimate& landmark) {
-  const Eigen::Matrix3d& P = landmark.covariance;
-  if (!landmark.p_world.allFinite() || !P.allFinite()) return false;
-  if (landmark.p_world.cwiseAbs().maxCoeff() > kMaxCoordinate) return false;
-  if ((P - P.transpose()).cwiseAbs().maxCoeff() > 1e-6 * P.cwiseAbs().maxCoeff()) return false;
-  return P.llt().info() == Eigen::Success;
-}
-
-bool is_certain(const LandmarkEstimate& landmark, const Eigen::Vector3d& p_world_cam,
-                double max_relative_sigma) {
-  return largest_sigma(landmark.covariance) <=
-         max_relative_sigma * (landmark.p_world - p_world_cam).norm();
+bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {
+  return inverse_depth > 0 && inverse_depth_sigma >= 0 &&
+         inverse_depth_sigma <= max_relative_sigma * inverse_depth;
 }
 
 bool is_well_formed(const PeerKeyframe& message, int max_landmarks) {
   if (message.sender.empty()) return false;
   if (message.landmarks.size() > static_cast<std::size_t>(max_landmarks)) return false;
-  return std::all_of(message.landmarks.begin(), message.landmarks.end(),
-                     [](const PeerLandmark& landmark) {
-                       return landmark.bearing.allFinite() && is_valid(landmark.estimate);
-                     });
+  if (!message.pose.T_world_cam.matrix().allFinite() || !message.pose.covariance.allFinite() ||
+      message.pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
+    return false;
+  }
+  return std::all_of(
+      message.landmarks.begin(), message.landmarks.end(), [](const PeerLandmark& landmark) {
+        return landmark.bearing.allFinite() && std::isfinite(landmark.inverse_depth) &&
+               std::isfinite(landmark.inverse_depth_sigma);
+      });
 }
 
-// The landmarks worth matching, each id once: two descriptors of one landmark would be two matches.
-std::vector<PeerLandmark> usable_landmarks(const PeerKeyframe& message,
-                                           const Eigen::Vector3d& p_world_cam,
+std::vector<PeerLandmark> usable_landmarks(const std::vector<PeerLandmark>& landmarks,
                                            double max_relative_sigma) {
   std::vector<PeerLandmark> usable;
-  std::set<std::uint64_t> seen;
-  for (const PeerLandmark& landmark : message.landmarks) {
-    if (!is_certain(landmark.estimate, p_world_cam, max_relative_sigma)) continue;
-    if (seen.insert(landmark.estimate.landmark_id).second) usable.push_back(landmark);
-  }
+  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(usable),
+               [&](const PeerLandmark& landmark) {
+                 return is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
+                                   max_relative_sigma);
+               });
   return usable;
 }
 
-template <typename Features>
-std::vector<BinaryDescriptor> descriptors_of(const Features& features) {
+ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
+  ShortDescriptor half{};
+  std::copy_n(descriptor.begin(), half.size(), half.begin());
+  return half;
+}
+
+std::vector<BinaryDescriptor> descriptors_of(const std::vector<KeyframeFeature>& features) {
   std::vector<BinaryDescriptor> descriptors;
+  descriptors.reserve(features.size());
+  for (const KeyframeFeature& feature : features) descriptors.push_back(feature.descriptor);
+  return descriptors;
+}
+
+template <typename Features>
+std::vector<ShortDescriptor> short_descriptors_of(const Features& features) {
+  std::vector<ShortDescriptor> descriptors;
   descriptors.reserve(features.size());
   for (const auto& feature : features) descriptors.push_back(feature.descriptor);
   return descriptors;
@@ -84,18 +87,41 @@ std::vector<OwnFeature> features_of(const Keyframe& own) {
   std::vector<OwnFeature> features;
   features.reserve(own.features.size());
   for (const KeyframeFeature& feature : own.features) {
-    features.push_back({feature.bearing, feature.descriptor});
+    features.push_back({feature.bearing, shortened(feature.descriptor)});
   }
   return features;
 }
 
-std::vector<PeerPoint> points_of(const std::vector<PeerLandmark>& peer) {
+std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& features) {
+  std::vector<PeerLandmark> landmarks;
+  landmarks.reserve(features.size());
+  for (const KeyframeFeature& feature : features) {
+    landmarks.push_back({shortened(feature.descriptor), feature.bearing, feature.inverse_depth,
+                         feature.inverse_depth_sigma});
+  }
+  return landmarks;
+}
+
+std::vector<PeerPoint> points_of(const KeyframePose& pose, const std::vector<PeerLandmark>& seen) {
   std::vector<PeerPoint> points;
-  points.reserve(peer.size());
-  for (const PeerLandmark& landmark : peer) {
-    points.push_back({landmark.estimate.p_world, landmark.descriptor});
+  points.reserve(seen.size());
+  for (const PeerLandmark& landmark : seen) {
+    points.push_back(
+        {pose.T_world_cam * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval(),
+         landmark.descriptor});
   }
   return points;
+}
+
+// Camera to camera, once the offset between the worlds is known.
+Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& other,
+                                const FrameOffset& offset) {
+  const Eigen::Vector3d c = own.T_world_cam.translation();
+  Eigen::Isometry3d T_own_other_world = Eigen::Isometry3d::Identity();
+  T_own_other_world.linear() =
+      Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  T_own_other_world.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
+  return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
 }
 
 NoMatchReason to_reason(VerificationFailure failure) {
@@ -144,44 +170,99 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
   check(config, vocabulary, focal_length_px);
 }
 
-bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam,
-                                  const std::vector<LandmarkEstimate>& landmarks) {
+bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
   now_ns_ = stamp_ns;
   const Keyframe* last = database_.last();
-  return !last || is_keyframe(config_.keyframe, *last, stamp_ns, T_world_cam,
-                              depth_of(T_world_cam, landmarks));
+  return !last || is_keyframe(config_.keyframe, *last, stamp_ns, T_world_cam, last->mean_depth);
 }
 
 PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
                                        const Eigen::Isometry3d& T_world_cam,
-                                       const std::vector<LandmarkEstimate>& landmarks) {
+                                       const Matrix6d& covariance,
+                                       const std::vector<TrackDepth>& depths) {
   Keyframe keyframe;
-  keyframe.id = next_keyframe_id_++;
-  keyframe.stamp_ns = described.stamp_ns;
-  keyframe.T_world_cam = T_world_cam;
-  keyframe.mean_depth = depth_of(T_world_cam, landmarks);
+  keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
+  keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
+                            .value_or(config_.keyframe.fallback_depth);
+  std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
+  for (const TrackDepth& depth : depths) depth_of[depth.track_id] = &depth;
   for (const TrackedFeature& feature : described.features) {
     if (!feature.described) continue;
-    keyframe.features.push_back({feature.track_id, feature.bearing, feature.descriptor});
+    KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0};
+    if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
+      stored.inverse_depth = known->second->inverse_depth;
+      stored.inverse_depth_sigma = known->second->inverse_depth_sigma;
+    }
+    keyframe.features.push_back(stored);
   }
   keyframe.place =
       describe_place(vocabulary_, config_.place_mode, descriptors_of(keyframe.features));
-  const PlaceAdvert advert{config_.agent, keyframe.id, keyframe.stamp_ns, vocabulary_hash_,
-                           keyframe.place};
+  PlaceAdvert advert{config_.agent, keyframe.pose.keyframe_id, described.stamp_ns, vocabulary_hash_,
+                     keyframe.place};
   database_.add(std::move(keyframe));
-  database_.update_landmarks(landmarks);
   ++report_.keyframes;
   return advert;
 }
 
-void Collaborator::update_landmarks(const std::vector<LandmarkEstimate>& landmarks) {
-  database_.update_landmarks(landmarks);
+std::vector<KeyframeMatch> Collaborator::revisit() {
+  std::vector<KeyframeMatch> matches;
+  const Keyframe* newest = database_.last();
+  if (newest == nullptr) return matches;
+  const View view = view_of(*newest);
+  struct Candidate {
+    double difference = 0;
+    const Keyframe* own = nullptr;
+    const Sight* peer = nullptr;
+  };
+  std::map<std::string, Candidate> nearest;  // by drone
+  const auto consider = [&](const std::string& drone, const Candidate& candidate) {
+    if (candidate.difference > config_.revisit_max_difference) return;
+    const auto [known, added] = nearest.emplace(drone, candidate);
+    if (!added && candidate.difference < known->second.difference) known->second = candidate;
+  };
+  for (const Keyframe& old : database_.keyframes()) {
+    if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
+    consider(config_.agent, {view_difference(view_of(old), view), &old, nullptr});
+  }
+  for (const Sight& peer : remembered_) {
+    consider(peer.drone, {view_difference(peer.view, view), nullptr, &peer});
+  }
+  std::vector<Candidate> candidates;
+  for (const auto& [drone, candidate] : nearest) candidates.push_back(candidate);
+  std::stable_sort(
+      candidates.begin(), candidates.end(),
+      [](const Candidate& a, const Candidate& b) { return a.difference < b.difference; });
+  if (candidates.size() > static_cast<std::size_t>(config_.max_revisits)) {
+    candidates.resize(static_cast<std::size_t>(config_.max_revisits));
+  }
+  for (const Candidate& candidate : candidates) {
+    const Sight sight = candidate.own ? Sight{config_.agent,
+                                              candidate.own->pose,
+                                              {},
+                                              to_peer_landmarks(landmarks_of(*candidate.own))}
+                                      : *candidate.peer;
+    auto result = match_keyframes(*newest, sight);
+    auto* match = std::get_if<KeyframeMatch>(&result);
+    if (match == nullptr) continue;
+    ++report_.revisits;
+    matches.push_back(std::move(*match));
+  }
+  return matches;
 }
 
-double Collaborator::depth_of(const Eigen::Isometry3d& T_world_cam,
-                              const std::vector<LandmarkEstimate>& landmarks) const {
-  return mean_depth(T_world_cam, landmarks, config_.keyframe.max_relative_sigma)
-      .value_or(config_.keyframe.fallback_depth);
+void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
+  const bool known = std::any_of(remembered_.begin(), remembered_.end(), [&](const Sight& sight) {
+    return sight.drone == message.sender && sight.pose.keyframe_id == message.pose.keyframe_id;
+  });
+  if (known) return;
+  const std::vector<PeerLandmark>& landmarks = message.landmarks;
+  double depths = 0;
+  for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
+  const View view{match.own.T_world_cam * match.T_other_own.inverse(),
+                  depths / static_cast<double>(landmarks.size())};
+  if (config_.remembered == 0) return;
+  if (remembered_.size() >= config_.remembered) remembered_.pop_front();
+  remembered_.push_back({message.sender, message.pose, view, landmarks});
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -195,11 +276,11 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++report_.advert_unknown_place;
     return std::nullopt;
   }
-  if (!limiter_.allows(advert.sender, answer->keyframe_id, now_ns_)) {
+  if (!limiter_.allows(advert.sender, answer->pose.keyframe_id, now_ns_)) {
     ++report_.advert_too_soon;
     return std::nullopt;
   }
-  limiter_.sent(advert.sender, answer->keyframe_id, now_ns_);
+  limiter_.sent(advert.sender, answer->pose.keyframe_id, now_ns_);
   ++report_.answered;
   return answer;
 }
@@ -218,17 +299,13 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   std::optional<PeerKeyframe> best;
   double best_score = place_threshold_;
   for (const RankedKeyframe& candidate : similar_keyframes(advert)) {
-    std::vector<PeerLandmark> landmarks = sendable_landmarks(*candidate.keyframe);
+    const std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
     const double score = landmark_score(advert, candidate, landmarks);
     if (score < best_score) continue;
     best_score = score;
-    best = PeerKeyframe{config_.agent,
-                        advert.sender,
-                        advert.keyframe_id,
-                        candidate.keyframe->id,
-                        candidate.keyframe->stamp_ns,
-                        std::move(landmarks)};
+    best = PeerKeyframe{config_.agent, advert.sender, advert.keyframe_id, candidate.keyframe->pose,
+                        to_peer_landmarks(landmarks)};
   }
   return best;
 }
@@ -251,38 +328,37 @@ std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
 // Corners without an estimate are of no use to the peer: where corners are compared one by one,
 // only those that would be sent count.
 double Collaborator::landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
-                                    const std::vector<PeerLandmark>& landmarks) const {
+                                    const std::vector<KeyframeFeature>& landmarks) const {
   if (config_.place_mode != PlaceMode::kCompact) return candidate.score;
   return common_share(advert.descriptor, describe_compact(descriptors_of(landmarks)));
 }
 
-std::vector<PeerLandmark> Collaborator::sendable_landmarks(const Keyframe& keyframe) const {
-  std::vector<PeerLandmark> landmarks;
+std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe) const {
+  std::vector<KeyframeFeature> landmarks;
   for (const KeyframeFeature& feature : keyframe.features) {
     if (landmarks.size() >= static_cast<std::size_t>(config_.max_landmarks)) break;
-    const LandmarkEstimate* estimate = database_.landmark(feature.track_id);
-    if (!estimate || !is_valid(*estimate)) continue;
-    if (!is_certain(*estimate, keyframe.T_world_cam.translation(), config_.max_relative_sigma)) {
-      continue;
+    if (is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
+                   config_.max_relative_sigma)) {
+      landmarks.push_back(feature);
     }
-    landmarks.push_back({feature.descriptor, feature.bearing, *estimate});
   }
   return landmarks;
 }
 
-std::variant<PeerMatches, NoMatch> Collaborator::match(const PeerKeyframe& message) {
+std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& message) {
   ++report_.keyframes_received;
-  std::variant<PeerMatches, NoMatch> result = find_matches(message);
+  std::variant<KeyframeMatch, NoMatch> result = find_matches(message);
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
   } else {
+    remember(message, std::get<KeyframeMatch>(result));
     ++report_.matched;
-    report_.landmark_pairs += static_cast<int>(std::get<PeerMatches>(result).matches.size());
+    report_.landmark_pairs += static_cast<int>(std::get<KeyframeMatch>(result).matches.size());
   }
   return result;
 }
 
-std::variant<PeerMatches, NoMatch> Collaborator::find_matches(const PeerKeyframe& message) const {
+std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyframe& message) const {
   if (message.receiver != config_.agent || message.sender == config_.agent) {
     return NoMatch{NoMatchReason::kNotForUs};
   }
@@ -290,35 +366,42 @@ std::variant<PeerMatches, NoMatch> Collaborator::find_matches(const PeerKeyframe
   const Keyframe* own = database_.find(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  const Eigen::Vector3d p_world_cam = own->T_world_cam.translation();
-  const std::vector<PeerLandmark> peer =
-      usable_landmarks(message, p_world_cam, config_.max_relative_sigma);
-  const VerificationResult result = find_offset(*own, peer);
+  return match_keyframes(*own, {message.sender, message.pose, {}, message.landmarks});
+}
+
+std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
+                                                                   const Sight& other) const {
+  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
+  const std::vector<PeerLandmark> landmarks =
+      usable_landmarks(other.landmarks, config_.max_relative_sigma);
+  const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
+  const std::vector<OwnFeature> features = features_of(own);
+  std::vector<Correspondence> correspondences;
+  for (const IndexPair& pair : match_descriptors(short_descriptors_of(features),
+                                                 short_descriptors_of(points), config_.matching)) {
+    correspondences.push_back({points[pair.peer].p_world, own.features[pair.own].bearing});
+  }
+  const VerificationResult result =
+      verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
-  const std::vector<IndexPair> pairs =
-      match_guided(own->T_world_cam, result.verified->offset, features_of(*own), points_of(peer),
-                   focal_length_px_, config_.guided);
+  const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
+                                                    points, focal_length_px_, config_.guided);
   if (pairs.size() < static_cast<std::size_t>(config_.min_matches)) {
     return NoMatch{NoMatchReason::kTooFewMatches};
   }
-  PeerMatches matches{message.sender, own->stamp_ns, {}};
+  KeyframeMatch match{other.drone,
+                      own.pose,
+                      other.pose,
+                      relative_pose(own.pose, other.pose, result.verified->offset),
+                      config_.matching_sigma_px / focal_length_px_,
+                      {}};
   for (const IndexPair& pair : pairs) {
-    const LandmarkEstimate& estimate = peer[pair.peer].estimate;
-    const double distance = (estimate.p_world - p_world_cam).norm();  // m
-    matches.matches.push_back({own->features[pair.own].track_id, estimate,
-                               config_.matching_sigma_px / focal_length_px_ * distance});
+    const PeerLandmark& landmark = landmarks[pair.peer];
+    match.matches.push_back({own.features[pair.own].track_id, own.features[pair.own].bearing,
+                             landmark.bearing, landmark.inverse_depth,
+                             landmark.inverse_depth_sigma});
   }
-  return matches;
-}
-
-VerificationResult Collaborator::find_offset(const Keyframe& own,
-                                             const std::vector<PeerLandmark>& peer) const {
-  std::vector<Correspondence> correspondences;
-  for (const IndexPair& pair :
-       match_descriptors(descriptors_of(own.features), descriptors_of(peer), config_.matching)) {
-    correspondences.push_back({peer[pair.peer].estimate.p_world, own.features[pair.own].bearing});
-  }
-  return verify(own.T_world_cam, correspondences, focal_length_px_, config_.verification);
+  return match;
 }
 
 }  // namespace covey

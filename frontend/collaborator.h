@@ -4,18 +4,19 @@
 // asked, what is answered, and which of a peer's landmarks are points that this drone tracks as
 // well.
 //
-//   if (collaborator.wants_keyframe(stamp, T_world_cam, landmarks)) {
+//   if (collaborator.wants_keyframe(stamp, T_world_cam)) {             // every image
 //     tracker.describe(frame);
-//     broadcast(collaborator.add_keyframe(frame, T_world_cam, landmarks));
+//     broadcast(collaborator.add_keyframe(frame, pose, depths));
+//     for (auto& match : collaborator.revisit()) ...                    // KeyframeMatch -> filter
 //   }
-//   collaborator.update_landmarks(landmarks);                           // every image
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
-//   on keyframe: std::visit(..., collaborator.match(keyframe));         // PeerMatches -> estimator
+//   on keyframe: std::visit(..., collaborator.match(keyframe));         // KeyframeMatch -> filter
 //
 // Everything that comes from a peer is checked here again: a peer may be hostile. Not thread-safe.
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <variant>
@@ -37,6 +38,12 @@ struct CollaboratorConfig {
   KeyframeRule keyframe;
   KeyframeDatabase::Config database;
 
+  // Revisiting.
+  double loop_min_age_s = 5.0;          // s, of an own keyframe
+  double revisit_max_difference = 0.7;  // between the views: way over depth, plus angle (rad)
+  int max_revisits = 4;                 // for one keyframe
+  std::size_t remembered = 60;          // peers' keyframes, of about 5 kB
+
   // Answering.
   PlaceMode place_mode = PlaceMode::kCompact;
   double place_threshold = 0;  // least score that is answered; 0: default_threshold of the mode
@@ -50,14 +57,13 @@ struct CollaboratorConfig {
   VerificationConfig verification;
   GuidedConfig guided;
   int min_matches = 8;  // fewer are no matches
-  // Two drones agree on a corner only to about a pixel, in all directions, because on a slanted
-  // surface a step aside is a step in depth as well.
-  double matching_sigma_px = 1.0;
+  // To which two drones agree on a corner; a fatter tail than Gaussian.
+  double matching_sigma_px = 0.7;
 };
 
 enum class NoMatchReason : std::uint8_t {
   kNotForUs,        // another receiver, or our own message come back
-  kMalformed,       // too many landmarks, not finite, covariance not positive
+  kMalformed,       // too many landmarks, or not finite
   kUnknownRequest,  // the asking keyframe is not (or no longer) stored
   kTooFewMatches,   // by descriptor, or in the end
   kTooFewInliers,   // by geometry
@@ -74,6 +80,7 @@ struct NoMatch {
 // Counts since the start.
 struct CollaboratorReport {
   int keyframes = 0;  // taken, each advertised once
+  int revisits = 0;   // matches of them with what was here already
 
   int adverts_received = 0;
   int answered = 0;
@@ -97,20 +104,21 @@ class Collaborator {
                double focal_length_px);
 
   // PTAM rule. Call once per image: it also tells the time by which answers are limited.
-  [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam,
-                                    const std::vector<LandmarkEstimate>& landmarks);
+  [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam);
 
-  // Features without descriptor are left out.
+  // Features without descriptor are left out. `covariance`: of the pose, as in KeyframePose.
   PlaceAdvert add_keyframe(const TrackedFrame& described, const Eigen::Isometry3d& T_world_cam,
-                           const std::vector<LandmarkEstimate>& landmarks);
+                           const Matrix6d& covariance, const std::vector<TrackDepth>& depths);
 
-  void update_landmarks(const std::vector<LandmarkEstimate>& landmarks);
+  // The newest keyframe against those that are here already, at no bytes: old ones of the own, and
+  // what peers have answered before. Of each drone the one with the most similar view.
+  [[nodiscard]] std::vector<KeyframeMatch> revisit();
 
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
   // Pairs of own track and peer landmark, one to one.
-  [[nodiscard]] std::variant<PeerMatches, NoMatch> match(const PeerKeyframe& message);
+  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const PeerKeyframe& message);
 
   [[nodiscard]] const CollaboratorReport& report() const { return report_; }
   [[nodiscard]] const KeyframeDatabase& database() const { return database_; }
@@ -121,18 +129,26 @@ class Collaborator {
     double score = 0;
   };
 
-  [[nodiscard]] double depth_of(const Eigen::Isometry3d& T_world_cam,
-                                const std::vector<LandmarkEstimate>& landmarks) const;
   // The counter of why an advert gets no answer, or null.
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
   [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(const PlaceAdvert& advert) const;
   [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
-                                      const std::vector<PeerLandmark>& landmarks) const;
-  [[nodiscard]] std::vector<PeerLandmark> sendable_landmarks(const Keyframe& keyframe) const;
-  [[nodiscard]] std::variant<PeerMatches, NoMatch> find_matches(const PeerKeyframe& message) const;
-  [[nodiscard]] VerificationResult find_offset(const Keyframe& own,
-                                               const std::vector<PeerLandmark>& peer) const;
+                                      const std::vector<KeyframeFeature>& landmarks) const;
+  // Those whose depth is known.
+  [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
+  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
+      const PeerKeyframe& message) const;
+  // A keyframe whose landmarks can be matched; `view`: in the own world.
+  struct Sight {
+    std::string drone;
+    KeyframePose pose;
+    View view;
+    std::vector<PeerLandmark> landmarks;
+  };
+  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
+                                                                     const Sight& other) const;
+  void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
   Vocabulary vocabulary_;
@@ -142,6 +158,7 @@ class Collaborator {
   TimeNs now_ns_ = 0;  // stamp of the newest own image
   std::uint64_t next_keyframe_id_ = 1;
   KeyframeDatabase database_;
+  std::deque<Sight> remembered_;  // of peers, in the order in which they came
   AnswerLimiter limiter_;
   CollaboratorReport report_;
 };

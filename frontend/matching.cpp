@@ -193,8 +193,8 @@ FrameOffset best_offset(const Verifier& verifier, const Eigen::Isometry3d& T_wor
 
 }  // namespace
 
-std::vector<IndexPair> match_descriptors(const std::vector<BinaryDescriptor>& own,
-                                         const std::vector<BinaryDescriptor>& peer,
+std::vector<IndexPair> match_descriptors(const std::vector<ShortDescriptor>& own,
+                                         const std::vector<ShortDescriptor>& peer,
                                          const MatchingConfig& config) {
   MutualMatches matches(own.size(), peer.size());
   for (std::size_t i = 0; i < own.size(); ++i) {

@@ -18,13 +18,13 @@
 namespace covey {
 
 struct MatchingConfig {
-  int max_distance_bits = 80;  // of 256
+  int max_distance_bits = 40;  // of 128
   double ratio = 0.9;          // best distance to second best, in both directions
 };
 
 // A mutual best match within the ratio. At most one pair for each index.
-[[nodiscard]] std::vector<IndexPair> match_descriptors(const std::vector<BinaryDescriptor>& own,
-                                                       const std::vector<BinaryDescriptor>& peer,
+[[nodiscard]] std::vector<IndexPair> match_descriptors(const std::vector<ShortDescriptor>& own,
+                                                       const std::vector<ShortDescriptor>& peer,
                                                        const MatchingConfig& config);
 
 // What takes points from the peer's world to the own one, about the own camera's position c:
@@ -83,17 +83,17 @@ struct VerificationResult {
 
 struct OwnFeature {
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // (x/z, y/z) in the own cam
-  BinaryDescriptor descriptor{};
+  ShortDescriptor descriptor{};
 };
 
 struct PeerPoint {
   Eigen::Vector3d p_world = Eigen::Vector3d::Zero();  // m, in the peer's world
-  BinaryDescriptor descriptor{};
+  ShortDescriptor descriptor{};
 };
 
 struct GuidedConfig {
-  double radius_px = 2.0;       // about where the peer's landmark must appear
-  int max_distance_bits = 100;  // of 256
+  double radius_px = 2.0;      // about where the peer's landmark must appear
+  int max_distance_bits = 50;  // of 128
 };
 
 // Once the offset is known a corner's place tells more than its descriptor: mutual best matches

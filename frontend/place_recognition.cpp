@@ -115,7 +115,11 @@ BinaryDescriptor parse_word(const std::string& line, std::size_t line_number) {
 }  // namespace
 
 int hamming_distance(const BinaryDescriptor& a, const BinaryDescriptor& b) {
-  return cv::hal::normHamming(a.data(), b.data(), static_cast<int>(kBytes));
+  return cv::hal::normHamming(a.data(), b.data(), static_cast<int>(a.size()));
+}
+
+int hamming_distance(const ShortDescriptor& a, const ShortDescriptor& b) {
+  return cv::hal::normHamming(a.data(), b.data(), static_cast<int>(a.size()));
 }
 
 std::string to_text(const Vocabulary& vocabulary) {

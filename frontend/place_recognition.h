@@ -12,8 +12,9 @@
 
 namespace covey {
 
-// Bits in which two descriptors differ, 0..256.
+// Bits in which two descriptors differ.
 [[nodiscard]] int hamming_distance(const BinaryDescriptor& a, const BinaryDescriptor& b);
+[[nodiscard]] int hamming_distance(const ShortDescriptor& a, const ShortDescriptor& b);
 
 struct Vocabulary {
   std::vector<BinaryDescriptor> words;

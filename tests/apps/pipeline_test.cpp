@@ -199,7 +199,7 @@ TEST(Pipeline, AHostileMessageIsRejected) {
   message.sender = "uav1";
   message.receiver = "uav0";
   message.landmarks.resize(3);
-  message.landmarks[0].estimate.p_world.x() = std::nan("");
+  message.landmarks[0].inverse_depth = std::nan("");
   EXPECT_EQ(drone.pipeline().fuse(message), PeerOutcome::kRejected);
 }
 

@@ -68,34 +68,42 @@ TEST(Checks, KeyframeNeedsNamesAndABoundedSetOfLandmarks) {
   };
   EXPECT_EQ(problem([](auto& k) { k.sender = "uav/0"; }), "sender is not a drone's name");
   EXPECT_EQ(problem([](auto& k) { k.receiver = ""; }), "receiver is not a drone's name");
-  EXPECT_EQ(problem([](auto& k) { k.stamp_ns = -5; }), "stamp not plausible");
-  EXPECT_EQ(problem([](auto& k) { k.landmarks[3] = k.landmarks[30]; }),
-            "two landmarks with one id");
+  EXPECT_EQ(problem([](auto& k) { k.pose.stamp_ns = -5; }), "stamp not plausible");
   EXPECT_EQ(problem([](auto& k) { k.landmarks.resize(257); }), "too many landmarks");
   EXPECT_EQ(problem([](auto& k) { k.landmarks.clear(); }), "");
+}
+
+TEST(Checks, KeyframePoseIsAPose) {
+  const auto problem = [](const std::function<void(KeyframePose&)>& damage) {
+    return problem_after<PeerKeyframe>(samples::keyframe(), [&](auto& k) { damage(k.pose); });
+  };
+  for (const double bad : {kNan, kInfinity, -kInfinity, 1e30}) {
+    EXPECT_EQ(problem([&](auto& p) { p.T_world_cam.translation().z() = bad; }),
+              "position not plausible");
+    EXPECT_EQ(problem([&](auto& p) { p.T_world_cam.linear()(1, 2) = bad; }),
+              "attitude is not a rotation");
+  }
+  const std::string complaint = "pose covariance not positive definite or not plausible";
+  EXPECT_EQ(problem([](auto& p) { p.covariance(2, 2) = -1e-4; }), complaint);
+  EXPECT_EQ(problem([](auto& p) { p.covariance(2, 2) = kNan; }), complaint);
+  EXPECT_EQ(problem([](auto& p) { p.covariance.setZero(); }), complaint);
+  // Correlations above one: every diagonal is fine.
+  EXPECT_EQ(problem([](auto& p) { p.covariance(0, 1) = 2.0; }), complaint);
 }
 
 TEST(Checks, LandmarkNumbersAreFiniteAndPlausible) {
   for (const double bad : {kNan, kInfinity, -kInfinity, 1e30}) {
     EXPECT_EQ(landmark_problem([&](auto& l) { l.bearing.x() = bad; }), "bearing not plausible");
-    EXPECT_EQ(landmark_problem([&](auto& l) { l.estimate.p_world.z() = bad; }),
-              "landmark position not plausible");
-    EXPECT_NE(landmark_problem([&](auto& l) { l.estimate.covariance(1, 1) = bad; }), "");
-    EXPECT_NE(landmark_problem([&](auto& l) { l.estimate.covariance(0, 2) = bad; }), "");
+    EXPECT_EQ(landmark_problem([&](auto& l) { l.inverse_depth = bad; }), "depth not plausible");
+    EXPECT_EQ(landmark_problem([&](auto& l) { l.inverse_depth_sigma = bad; }),
+              "depth uncertainty not plausible");
   }
-}
-
-TEST(Checks, LandmarkCovarianceIsPositiveDefinite) {
-  const std::string complaint = "landmark covariance not positive definite or not plausible";
-  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance(2, 2) = -1e-4; }), complaint);
-  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance.setZero(); }), complaint);
-  // Correlations above one: every diagonal is fine.
-  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance(0, 1) = 2.0; }), complaint);
-  // Rank one: some direction would be known exactly, and would pin the filter down.
-  EXPECT_EQ(landmark_problem([](auto& l) { l.estimate.covariance.setOnes(); }), complaint);
-  EXPECT_EQ(landmark_problem(
-                [](auto& l) { l.estimate.covariance = 1e-14 * Eigen::Matrix3d::Identity(); }),
-            complaint);
+  EXPECT_EQ(landmark_problem([](auto& l) { l.inverse_depth = 0; }), "depth not plausible");
+  EXPECT_EQ(landmark_problem([](auto& l) { l.inverse_depth = -1; }), "depth not plausible");
+  EXPECT_EQ(landmark_problem([](auto& l) { l.inverse_depth_sigma = -1e-6; }),
+            "depth uncertainty not plausible");
+  EXPECT_EQ(landmark_problem([](auto& l) { l.inverse_depth_sigma = 1.01 * l.inverse_depth; }),
+            "depth uncertainty not plausible");
 }
 
 TEST(Checks, StatusIsOneOfTheFour) {

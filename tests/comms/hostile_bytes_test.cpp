@@ -99,7 +99,7 @@ TEST(HostileBytes, TooLargeASampleIsNotEvenRead) {
 
 TEST(HostileBytes, OtherVersionsAreRejectedByName) {
   for (const MessageType& type : message_types())
-    for (const int version : {0, 2, 255}) {
+    for (const int version : {0, 1, 3, 255}) {
       Bytes bytes = type.good;
       bytes[4] = static_cast<std::uint8_t>(version);
       EXPECT_EQ(type.decode(bytes), "another version of the messages") << type.name;
@@ -132,7 +132,10 @@ TEST(HostileBytes, SequencesBeyondTheirBoundsAreRejected) {
   EXPECT_EQ(reason(decode_place_advert(serialize(long_request))), "place descriptor too long");
 
   wire::MessageUAV long_message = message();
-  long_message.landmarks().resize(257, long_message.landmarks().front());
+  long_message.descriptors().resize(16 * 257);
+  long_message.bearings().resize(2 * 257);
+  long_message.inverse_depths().resize(257, long_message.inverse_depths().front());
+  long_message.depth_sigmas().resize(257, long_message.depth_sigmas().front());
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(long_message))), "too many landmarks");
 
   wire::AgentStatus crowded =
@@ -150,18 +153,39 @@ TEST(HostileBytes, ANameThatIsTooLongIsNotCutToAnotherName) {
   }
 }
 
+TEST(HostileBytes, ListsThatDisagreeAreRejected) {
+  const std::string complaint = "landmark lists of different lengths";
+  const auto after = [](auto damage) {
+    wire::MessageUAV bytes = message();
+    damage(bytes);
+    return reason(decode_peer_keyframe(serialize(bytes)));
+  };
+  EXPECT_EQ(after([](auto& m) { m.descriptors().pop_back(); }), complaint);
+  EXPECT_EQ(after([](auto& m) { m.bearings().push_back(0); }), complaint);
+  EXPECT_EQ(after([](auto& m) { m.inverse_depths().clear(); }), complaint);
+  EXPECT_EQ(after([](auto& m) { m.depth_sigmas().push_back(0); }), complaint);
+}
+
 TEST(HostileBytes, NumbersThatOnlyTheWireCanHoldAreRejected) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   wire::MessageUAV bytes = message();
-  bytes.landmarks()[5].p_world()[1] = nan;
-  EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "landmark position not plausible");
+  bytes.p_world_cam()[1] = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "position not plausible");
+  for (const float bad : {nan, 0.0F, 1e30F}) {
+    bytes = message();
+    bytes.q_world_cam_xyzw({bad, bad, bad, bad});
+    EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "attitude is not a unit quaternion");
+  }
   bytes = message();
-  bytes.landmarks()[39].covariance()[3] = -1e-4F;
+  bytes.pose_covariance()[0] = -1e-4F;
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))),
-            "landmark covariance not positive definite or not plausible");
+            "pose covariance not positive definite or not plausible");
   bytes = message();
-  bytes.landmarks()[0].bearing()[0] = -std::numeric_limits<float>::infinity();
+  bytes.bearings()[3] = std::numeric_limits<std::int16_t>::min();
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "bearing not plausible");
+  bytes = message();
+  bytes.depth_sigmas()[5] = 255;
+  EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "depth uncertainty not plausible");
 
   auto odometry = parse<wire::Odometry>(encode(OdometrySample{"uav0", samples::odometry()}));
   odometry.q_world_imu_xyzw({0.5, 0.5, 0.5, 0.6});

@@ -51,7 +51,7 @@ TEST(LinkState, RejectionsAreCountedByPeerAndReason) {
   state.receive(Kind::kRequest, Bytes{0, 1, 0, 0}, uav1_id());
   state.name_peer(uav1_id(), "uav1");
   Bytes other_version = encode(samples::advert("uav1"));
-  other_version[4] = 2;
+  other_version[4] = 1;
   state.receive(Kind::kRequest, other_version, uav1_id());
   state.receive(Kind::kRequest, other_version, uav1_id());
   state.receive(Kind::kMessage, encode(samples::keyframe("uav1", "uav2")), uav1_id());

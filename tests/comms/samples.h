@@ -3,6 +3,7 @@
 // Well-formed messages for the tests to send, compare and break.
 #pragma once
 
+#include <cmath>
 #include <numeric>
 #include <string>
 
@@ -22,15 +23,24 @@ inline PlaceAdvert advert(const std::string& sender = "uav0", std::uint64_t keyf
   return out;
 }
 
-inline PeerLandmark landmark(std::uint64_t id) {
+// One of many; no two are alike, and all survive the wire's rounding unchanged.
+inline PeerLandmark landmark(std::uint64_t number) {
   PeerLandmark out;
-  out.descriptor.fill(static_cast<std::uint8_t>(id));
-  out.bearing = {0.25, -0.1 * static_cast<double>(id % 7)};
-  out.estimate.landmark_id = id;
-  out.estimate.p_world = {10.1, -20.2, 3.3 + static_cast<double>(id)};
-  // Long and thin, as depth errors are: 1 m along (1, 1, 1), 1 cm across.
-  out.estimate.covariance = Eigen::Matrix3d::Constant(1.0 / 3.0);
-  out.estimate.covariance.diagonal().array() += 1e-4;
+  out.descriptor.fill(static_cast<std::uint8_t>(number));
+  out.bearing = {0.25, -0.125 * static_cast<double>(number % 7)};
+  out.inverse_depth = 0.125;                          // 8 m
+  out.inverse_depth_sigma = 0.125 * std::exp2(-4.0);  // 6 %
+  return out;
+}
+
+inline KeyframePose keyframe_pose() {
+  KeyframePose out;
+  out.keyframe_id = 12;
+  out.stamp_ns = 1'403'715'273'362'142'976;
+  out.T_world_cam.linear() =
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  out.T_world_cam.translation() = Eigen::Vector3d(10.1, -20.2, 3.3);
+  out.covariance = 1e-4 * Matrix6d::Identity() + Matrix6d::Constant(1e-5);
   return out;
 }
 
@@ -40,8 +50,7 @@ inline PeerKeyframe keyframe(const std::string& sender = "uav1",
   out.sender = sender;
   out.receiver = receiver;
   out.request_keyframe_id = 7;
-  out.keyframe_id = 12;
-  out.stamp_ns = 1'403'715'273'362'142'976;
+  out.pose = keyframe_pose();
   for (std::size_t i = 0; i < landmarks; ++i) out.landmarks.push_back(landmark(100 + i));
   return out;
 }

@@ -24,15 +24,15 @@ FilledWindow drifted_window() {
 }
 
 // What a peer with errors of standard deviation `sigma` and the common drift `drift` would say.
-PeerMatches peer_of(const State& state, double sigma, const Eigen::Vector3d& drift) {
-  PeerMatches matches{"uav1", 0, {}};
+std::vector<WorldMatch> peer_of(const State& state, double sigma, const Eigen::Vector3d& drift) {
+  std::vector<WorldMatch> matches;
   for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
-    LandmarkMatch match;
+    WorldMatch match;
     match.track_id = state.landmarks()[static_cast<std::size_t>(i)].track_id;
     match.peer = landmark_estimate(state, i);
     match.peer.p_world += drift;
     match.peer.covariance = sigma * sigma * Eigen::Matrix3d::Identity();
-    matches.matches.push_back(match);
+    matches.push_back(match);
   }
   return matches;
 }
@@ -65,7 +65,7 @@ TEST(PeerUpdate, ABetterInformedPeerMovesTheDroneTowardsIt) {
 TEST(PeerUpdate, AnEqualPeerChangesNothing) {
   FilledWindow window = drifted_window();
   const Eigen::MatrixXd before = window.state.covariance();
-  const PeerMatches matches =
+  const std::vector<WorldMatch> matches =
       peer_of(window.state, own_sigma(window.state), Eigen::Vector3d::Zero());
   const PeerReport report = update_from_peer(window.state, matches, kGate);
   EXPECT_EQ(report.used, 0);
@@ -76,7 +76,8 @@ TEST(PeerUpdate, AnEqualPeerChangesNothing) {
 TEST(PeerUpdate, TheSameAnswerAgainDoesNotShrinkTheCovarianceAgain) {
   FilledWindow window = drifted_window();
   State& state = window.state;
-  const PeerMatches matches = peer_of(state, own_sigma(state) / 10, Eigen::Vector3d::Zero());
+  const std::vector<WorldMatch> matches =
+      peer_of(state, own_sigma(state) / 10, Eigen::Vector3d::Zero());
   ASSERT_GT(update_from_peer(state, matches, kGate).used, 0);
   const Eigen::MatrixXd once = state.covariance();
   EXPECT_EQ(update_from_peer(state, matches, kGate).used, 0);
@@ -97,7 +98,8 @@ TEST(PeerUpdate, ADisagreeingPeerIsGated) {
   FilledWindow window = drifted_window();
   const double sigma = own_sigma(window.state);
   const Eigen::MatrixXd before = window.state.covariance();
-  const PeerMatches matches = peer_of(window.state, sigma / 10, Eigen::Vector3d(20 * sigma, 0, 0));
+  const std::vector<WorldMatch> matches =
+      peer_of(window.state, sigma / 10, Eigen::Vector3d(20 * sigma, 0, 0));
   const PeerReport report = update_from_peer(window.state, matches, kGate);
   EXPECT_EQ(report.gated, 20);
   EXPECT_EQ((window.state.covariance() - before).norm(), 0);
@@ -105,12 +107,12 @@ TEST(PeerUpdate, ADisagreeingPeerIsGated) {
 
 TEST(PeerUpdate, WhatCannotBeTrueIsRefused) {
   FilledWindow window = drifted_window();
-  PeerMatches matches = peer_of(window.state, own_sigma(window.state) / 10, {0, 0, 0});
-  matches.matches[0].peer.p_world.x() = std::numeric_limits<double>::quiet_NaN();
-  matches.matches[1].peer.covariance = -Eigen::Matrix3d::Identity();
-  matches.matches[2].matching_sigma = std::numeric_limits<double>::infinity();
-  matches.matches[3].track_id = 987654321;
-  matches.matches.resize(4);
+  std::vector<WorldMatch> matches = peer_of(window.state, own_sigma(window.state) / 10, {0, 0, 0});
+  matches[0].peer.p_world.x() = std::numeric_limits<double>::quiet_NaN();
+  matches[1].peer.covariance = -Eigen::Matrix3d::Identity();
+  matches[2].matching_sigma = std::numeric_limits<double>::infinity();
+  matches[3].track_id = 987654321;
+  matches.resize(4);
   const PeerReport report = update_from_peer(window.state, matches, kGate);
   EXPECT_EQ(report.invalid, 3);
   EXPECT_EQ(report.unknown_track, 1);

@@ -13,7 +13,7 @@
 namespace covey {
 namespace {
 
-using testing::estimates;
+using testing::depths;
 using testing::level_camera;
 using testing::make_scene;
 using testing::random_descriptor;
@@ -30,18 +30,19 @@ Collaborator make_drone(const std::string& name, PlaceMode mode = PlaceMode::kCo
   return Collaborator(config, visual_vocabulary(), kFocal);
 }
 
-// The drone takes one keyframe of the scene and knows all its landmarks.
+Matrix6d pose_covariance() { return 1e-4 * Matrix6d::Identity(); }
+
+// The drone takes one keyframe of the scene and knows the depths of all it sees.
 PlaceAdvert look(Collaborator& drone, const Scene& scene, const Eigen::Isometry3d& T_world_cam,
                  double seconds, std::uint64_t first_id) {
-  const auto landmarks = estimates(scene, first_id, 0.03, static_cast<unsigned>(first_id));
   const TimeNs stamp_ns = nanoseconds(seconds);
-  (void)drone.wants_keyframe(stamp_ns, T_world_cam, landmarks);
-  return drone.add_keyframe(
-      view(scene, T_world_cam, stamp_ns, first_id, {}, static_cast<unsigned>(first_id) + 1),
-      T_world_cam, landmarks);
+  const auto seed = static_cast<unsigned>(first_id);
+  (void)drone.wants_keyframe(stamp_ns, T_world_cam);
+  return drone.add_keyframe(view(scene, T_world_cam, stamp_ns, first_id, {}, seed + 1), T_world_cam,
+                            pose_covariance(), depths(scene, T_world_cam, first_id, 0.003, seed));
 }
 
-NoMatchReason reason_of(const std::variant<PeerMatches, NoMatch>& result) {
+NoMatchReason reason_of(const std::variant<KeyframeMatch, NoMatch>& result) {
   const auto* none = std::get_if<NoMatch>(&result);
   EXPECT_NE(none, nullptr) << "matched, but should not have";
   return none ? none->reason : NoMatchReason::kMalformed;
@@ -51,15 +52,23 @@ NoMatchReason reason_of(const std::variant<PeerMatches, NoMatch>& result) {
 struct Team {
   explicit Team(PlaceMode mode = PlaceMode::kCompact)
       : uav0(make_drone("uav0", mode)), uav1(make_drone("uav1", mode)) {
-    look(uav1, scene, level_camera({0, 0, 0}), 1.0, kPeerIds);
+    look(uav1, scene, looked_at, 1.0, kPeerIds);
     advert = look(uav0, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 3.0, kOwnIds);
   }
   [[nodiscard]] PeerKeyframe ask() { return uav1.answer(advert).value(); }
 
   Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Eigen::Isometry3d looked_at = level_camera({0, 0, 0});
   Collaborator uav0, uav1;
   PlaceAdvert advert;
 };
+
+// Between the point that the peer means and the one that the own track is, m.
+double distance_to_own_point(const Team& team, const LandmarkMatch& match) {
+  const Eigen::Vector3d p_world =
+      team.looked_at * (match.other_bearing.homogeneous() / match.inverse_depth).eval();
+  return (p_world - team.scene[match.track_id - kOwnIds].p_world).norm();
+}
 
 class Exchange : public ::testing::TestWithParam<PlaceMode> {};
 
@@ -72,17 +81,16 @@ TEST_P(Exchange, AdvertAnswerMatchGivesTheRightTrackPairs) {
   EXPECT_EQ(answer->request_keyframe_id, team.advert.keyframe_id);
 
   const auto result = team.uav0.match(*answer);
-  ASSERT_TRUE(std::holds_alternative<PeerMatches>(result))
+  ASSERT_TRUE(std::holds_alternative<KeyframeMatch>(result))
       << to_string(std::get<NoMatch>(result).reason);
-  const PeerMatches& matches = std::get<PeerMatches>(result);
-  EXPECT_EQ(matches.peer, "uav1");
-  EXPECT_EQ(matches.stamp_ns, nanoseconds(3.0));
+  const KeyframeMatch& matches = std::get<KeyframeMatch>(result);
+  EXPECT_EQ(matches.drone, "uav1");
+  EXPECT_EQ(matches.own.stamp_ns, nanoseconds(3.0));
   EXPECT_GE(matches.matches.size(), 40u);
-  std::set<std::uint64_t> own, peer;
+  std::set<std::uint64_t> own;
   for (const LandmarkMatch& match : matches.matches) {
-    EXPECT_EQ(match.track_id - kOwnIds, match.peer.landmark_id - kPeerIds);
+    EXPECT_LT(distance_to_own_point(team, match), 0.15);
     EXPECT_TRUE(own.insert(match.track_id).second);
-    EXPECT_TRUE(peer.insert(match.peer.landmark_id).second);
   }
   EXPECT_EQ(team.uav0.report().matched, 1);
   EXPECT_EQ(team.uav0.report().landmark_pairs, static_cast<int>(matches.matches.size()));
@@ -93,25 +101,24 @@ INSTANTIATE_TEST_SUITE_P(AllModes, Exchange,
                          ::testing::Values(PlaceMode::kPaper, PlaceMode::kMajority,
                                            PlaceMode::kCompact));
 
-TEST(Collaborator, MatchingNoiseGrowsWithTheDistance) {
+TEST(Collaborator, MatchSaysHowTheCamerasStandToEachOther) {
   Team team;
-  const PeerKeyframe answer = team.ask();
-  const PeerMatches matches = std::get<PeerMatches>(team.uav0.match(answer));
-  for (const LandmarkMatch& match : matches.matches) {
-    const double distance = (match.peer.p_world - Eigen::Vector3d(0.5, 1.5, 0.3)).norm();
-    EXPECT_NEAR(match.matching_sigma, distance / kFocal, 1e-9);
-    EXPECT_TRUE(match.peer.covariance.isApprox(0.03 * 0.03 * Eigen::Matrix3d::Identity(), 1e-9));
-  }
+  const auto match = std::get<KeyframeMatch>(team.uav0.match(team.ask()));
+  const Eigen::Isometry3d truth = team.looked_at.inverse() * level_camera({0.5, 1.5, 0.3}, 0.1);
+  EXPECT_LT((match.T_other_own.translation() - truth.translation()).norm(), 0.05);
+  EXPECT_LT((match.T_other_own.linear() - truth.linear()).norm(), 0.01);
+  EXPECT_NEAR(match.bearing_sigma, CollaboratorConfig().matching_sigma_px / kFocal, 1e-12);
+  EXPECT_TRUE(match.other.T_world_cam.isApprox(team.looked_at));
+  EXPECT_EQ(match.other.covariance, pose_covariance());
 }
 
 TEST(Collaborator, KeyframesFollowTheBaselineOverTheMeanDepth) {
   Collaborator drone = make_drone("uav0");
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
-  const auto landmarks = estimates(scene, 1, 0.05, 1);
-  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(1), level_camera({0, 0, 0}), landmarks));
+  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(1), level_camera({0, 0, 0})));
   look(drone, scene, level_camera({0, 0, 0}), 1, 1);
-  EXPECT_FALSE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 2.5, 0}), landmarks));
-  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 3.5, 0}), landmarks));
+  EXPECT_FALSE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 2.5, 0})));
+  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 3.5, 0})));
 }
 
 TEST(Collaborator, OtherPlaceGetsNoAnswer) {
@@ -123,28 +130,35 @@ TEST(Collaborator, OtherPlaceGetsNoAnswer) {
   EXPECT_EQ(team.uav1.report().advert_unknown_place, 1);
 }
 
-TEST(Collaborator, OnlyEstimatedLandmarksAreSent) {
+TEST(Collaborator, OnlyLandmarksOfKnownDepthAreSent) {
   Collaborator drone = make_drone("uav1");
   const Scene scene = make_scene(80, {12, 0, 0}, 42);
   const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
   const TrackedFrame frame = view(scene, T_world_cam, nanoseconds(1), kPeerIds, {}, 1);
-  auto landmarks = estimates(scene, kPeerIds, 0.03, 2);
-  landmarks.resize(20);
-  (void)drone.wants_keyframe(nanoseconds(1), T_world_cam, {});
-  PlaceAdvert advert = drone.add_keyframe(frame, T_world_cam, {});
+  auto known = depths(scene, T_world_cam, kPeerIds, 0.003, 2);
+  known.resize(30);
+  known[0].inverse_depth_sigma = known[0].inverse_depth;
+  known[1].inverse_depth = std::nan("");  // a filter in trouble
+  (void)drone.wants_keyframe(nanoseconds(1), T_world_cam);
+  PlaceAdvert advert = drone.add_keyframe(frame, T_world_cam, pose_covariance(), known);
   advert.sender = "uav0";
-  EXPECT_FALSE(drone.answer(advert).has_value()) << "nothing to send yet";
-  landmarks[0].covariance *= 1e6;           // 30 m
-  landmarks[1].p_world.x() = std::nan("");  // a filter in trouble
-  drone.update_landmarks(landmarks);
-  drone.update_landmarks({});
   const std::optional<PeerKeyframe> answer = drone.answer(advert);
   ASSERT_TRUE(answer.has_value());
   EXPECT_GE(answer->landmarks.size(), 10u);
+  EXPECT_LE(answer->landmarks.size(), 28u);
   for (const PeerLandmark& landmark : answer->landmarks) {
-    EXPECT_GE(landmark.estimate.landmark_id, kPeerIds + 2);
-    EXPECT_LT(landmark.estimate.landmark_id, kPeerIds + 20);
+    EXPECT_LT(landmark.inverse_depth_sigma, 0.01 * landmark.inverse_depth);
   }
+}
+
+TEST(Collaborator, AKeyframeWithoutDepthsIsNoAnswer) {
+  Collaborator drone = make_drone("uav1");
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
+  PlaceAdvert advert = drone.add_keyframe(view(scene, T_world_cam, nanoseconds(1), kPeerIds, {}, 1),
+                                          T_world_cam, pose_covariance(), {});
+  advert.sender = "uav0";
+  EXPECT_FALSE(drone.answer(advert).has_value());
 }
 
 // Two views of one place: the one that looks more alike knows next to nothing of its landmarks.
@@ -152,17 +166,51 @@ TEST(Collaborator, AnswersWithTheKeyframeThatKnowsTheLandmarks) {
   const Scene scene = make_scene(80, {12, 0, 0}, 42);
   Collaborator drone = make_drone("uav1");
   look(drone, scene, level_camera({0, 2, 0}), 1.0, kPeerIds);
-  auto few = estimates(scene, kOwnIds, 0.03, 2);
-  few.resize(10);
   const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
-  (void)drone.wants_keyframe(nanoseconds(2), T_world_cam, few);
+  auto few = depths(scene, T_world_cam, kOwnIds, 0.003, 2);
+  few.resize(10);
+  (void)drone.wants_keyframe(nanoseconds(2), T_world_cam);
   PlaceAdvert advert = drone.add_keyframe(view(scene, T_world_cam, nanoseconds(2), kOwnIds, {}, 3),
-                                          T_world_cam, few);
+                                          T_world_cam, pose_covariance(), few);
   advert.sender = "uav0";
   const std::optional<PeerKeyframe> answer = drone.answer(advert);
   ASSERT_TRUE(answer.has_value());
-  EXPECT_EQ(answer->stamp_ns, nanoseconds(1.0));
+  EXPECT_EQ(answer->pose.stamp_ns, nanoseconds(1.0));
   EXPECT_GE(answer->landmarks.size(), 40u);
+}
+
+TEST(Collaborator, ReturningToAnOwnPlaceIsNoticed) {
+  Collaborator drone = make_drone("uav0");
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  look(drone, scene, level_camera({0, 0, 0}), 1.0, kOwnIds);
+  look(drone, make_scene(80, {12, 60, 0}, 3), level_camera({0, 60, 0}), 4.0, 90000);
+  EXPECT_TRUE(drone.revisit().empty()) << "another place";
+  // One second after the first time the tracks may still be the same: nothing new.
+  Collaborator hasty = make_drone("uav0");
+  look(hasty, scene, level_camera({0, 0, 0}), 1.0, kOwnIds);
+  look(hasty, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 2.0, kPeerIds);
+  EXPECT_TRUE(hasty.revisit().empty()) << "too soon";
+
+  look(drone, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 20.0, kPeerIds);
+  const std::vector<KeyframeMatch> revisited = drone.revisit();
+  ASSERT_EQ(revisited.size(), 1u);
+  EXPECT_EQ(revisited[0].drone, "uav0");
+  EXPECT_EQ(revisited[0].own.stamp_ns, nanoseconds(20));
+  EXPECT_EQ(revisited[0].other.stamp_ns, nanoseconds(1));
+  EXPECT_GE(revisited[0].matches.size(), 40u);
+  EXPECT_EQ(drone.report().revisits, 1);
+}
+
+TEST(Collaborator, WhatAPeerAnsweredOnceIsRecognisedWithoutAsking) {
+  Team team;
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(team.ask())));
+  look(team.uav0, team.scene, level_camera({0.5, 2.5, 0.3}, 0.1), 4.0, kOwnIds);
+  const std::vector<KeyframeMatch> revisited = team.uav0.revisit();
+  ASSERT_EQ(revisited.size(), 1u);
+  EXPECT_EQ(revisited[0].drone, "uav1");
+  for (const LandmarkMatch& match : revisited[0].matches) {
+    EXPECT_LT(distance_to_own_point(team, match), 0.15);
+  }
 }
 
 TEST(Collaborator, TracksThatEndedLongAgoStillMatchByTheirId) {
@@ -170,10 +218,10 @@ TEST(Collaborator, TracksThatEndedLongAgoStillMatchByTheirId) {
   const PeerKeyframe answer = team.ask();
   // The asking drone goes on to other tracks, in other order, before the answer comes.
   look(team.uav0, make_scene(80, {12, 40, 0}, 3), level_camera({0, 40, 0}), 5.0, 90000);
-  const PeerMatches matches = std::get<PeerMatches>(team.uav0.match(answer));
-  EXPECT_EQ(matches.stamp_ns, nanoseconds(3.0));
+  const KeyframeMatch matches = std::get<KeyframeMatch>(team.uav0.match(answer));
+  EXPECT_EQ(matches.own.stamp_ns, nanoseconds(3.0));
   for (const LandmarkMatch& match : matches.matches) {
-    EXPECT_EQ(match.track_id - kOwnIds, match.peer.landmark_id - kPeerIds);
+    EXPECT_LT(distance_to_own_point(team, match), 0.15);
   }
 }
 
@@ -181,11 +229,11 @@ TEST(Collaborator, SamePeerGetsTheSameKeyframeAgainOnlyLater) {
   Team team;
   EXPECT_TRUE(team.uav1.answer(team.advert).has_value());
   const auto at = [&](double seconds) {
-    (void)team.uav1.wants_keyframe(nanoseconds(seconds), level_camera({0, 0, 0}), {});
+    (void)team.uav1.wants_keyframe(nanoseconds(seconds), level_camera({0, 0, 0}));
     return team.uav1.answer(team.advert).has_value();
   };
-  EXPECT_FALSE(at(1.1));
-  EXPECT_FALSE(at(2.5));
+  EXPECT_FALSE(at(1.5)) << "peers are answered once a second";
+  EXPECT_FALSE(at(2.5)) << "and not twice the same";
   EXPECT_TRUE(at(3.1)) << "the first answer may have been lost";
   EXPECT_EQ(team.uav1.report().advert_too_soon, 2);
   PlaceAdvert other = team.advert;
@@ -240,7 +288,9 @@ TEST(Collaborator, RefusesAnotherPlaceSentAsAnswer) {
   Team team;
   PeerKeyframe answer = team.ask();
   std::mt19937 random(9);
-  for (PeerLandmark& landmark : answer.landmarks) landmark.descriptor = random_descriptor(random);
+  for (PeerLandmark& landmark : answer.landmarks) {
+    for (std::uint8_t& byte : landmark.descriptor) byte = static_cast<std::uint8_t>(random());
+  }
   const NoMatchReason reason = reason_of(team.uav0.match(answer));
   EXPECT_TRUE(reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers);
 }
@@ -249,7 +299,7 @@ TEST(Collaborator, RefusesPermutedDescriptors) {
   Team team;
   PeerKeyframe answer = team.ask();
   const std::size_t size = answer.landmarks.size();
-  const BinaryDescriptor first = answer.landmarks[0].descriptor;
+  const ShortDescriptor first = answer.landmarks[0].descriptor;
   for (std::size_t i = 0; i + 1 < size; ++i) {
     answer.landmarks[i].descriptor = answer.landmarks[i + 1].descriptor;
   }
@@ -260,41 +310,41 @@ TEST(Collaborator, RefusesPermutedDescriptors) {
 TEST(Collaborator, RefusesAWorldThatIsFiveMetresOff) {
   Team team;
   PeerKeyframe answer = team.ask();
-  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.p_world.y() += 5;
+  answer.pose.T_world_cam.translation().y() += 5;
   EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kOffsetTooLarge);
 }
 
 TEST(Collaborator, ToleratesTheDriftOfAPeer) {
   Team team;
   PeerKeyframe answer = team.ask();
-  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.p_world.y() += 0.5;
-  EXPECT_TRUE(std::holds_alternative<PeerMatches>(team.uav0.match(answer)));
+  answer.pose.T_world_cam.translation().y() += 0.5;
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(answer)));
 }
 
-TEST(Collaborator, OneLandmarkSentTwiceIsMatchedOnce) {
+TEST(Collaborator, OneLandmarkSentManyTimesIsNoMatch) {
   Team team;
   PeerKeyframe answer = team.ask();
-  for (PeerLandmark& landmark : answer.landmarks) landmark.estimate.landmark_id = kPeerIds;
+  std::fill(answer.landmarks.begin() + 1, answer.landmarks.end(), answer.landmarks.front());
   EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kTooFewMatches);
 }
 
-TEST(Collaborator, SurvivesHostileLandmarks) {
+TEST(Collaborator, SurvivesHostileMessages) {
   Team team;
   const PeerKeyframe good = team.ask();
   const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
   const auto malformed = [&](auto change) {
     PeerKeyframe bad = good;
-    change(bad.landmarks[3]);
+    change(bad, bad.landmarks[3]);
     return reason_of(team.uav0.match(bad)) == NoMatchReason::kMalformed;
   };
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.z() = nan; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.x() = infinity; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.p_world.x() = 1e300; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.bearing.x() = nan; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance(0, 1) = nan; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance(0, 1) = 1; }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance.setZero(); }));
-  EXPECT_TRUE(malformed([&](PeerLandmark& l) { l.estimate.covariance *= -1; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.T_world_cam.translation().z() = nan; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.T_world_cam.translation().x() = infinity; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.T_world_cam.translation().x() = 1e300; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.T_world_cam.linear()(0, 0) = nan; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.covariance(0, 1) = nan; }));
+  EXPECT_TRUE(malformed([&](auto&, auto& l) { l.bearing.x() = nan; }));
+  EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth = nan; }));
+  EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth_sigma = infinity; }));
 
   PeerKeyframe endless = good;
   endless.landmarks.resize(201, good.landmarks[0]);
@@ -305,7 +355,7 @@ TEST(Collaborator, SurvivesHostileLandmarks) {
   PeerKeyframe nameless = good;
   nameless.sender.clear();
   EXPECT_EQ(reason_of(team.uav0.match(nameless)), NoMatchReason::kMalformed);
-  EXPECT_TRUE(std::holds_alternative<PeerMatches>(team.uav0.match(good))) << "none the worse";
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(good))) << "none the worse";
 }
 
 TEST(Collaborator, ConfigurationThatCannotWorkIsRefusedByName) {

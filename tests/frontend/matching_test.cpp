@@ -12,19 +12,30 @@ namespace covey {
 namespace {
 
 using testing::level_camera;
-using testing::make_scene;
-using testing::random_descriptor;
-using testing::Scene;
 using testing::uniform;
-using testing::with_noise;
 
 constexpr double kFocal = 455;  // px
 
+ShortDescriptor random_descriptor(std::mt19937& random) {
+  ShortDescriptor descriptor{};
+  for (std::uint8_t& byte : descriptor) byte = static_cast<std::uint8_t>(random());
+  return descriptor;
+}
+
+// `bits` draws of a bit to flip; a bit drawn twice flips back.
+ShortDescriptor with_noise(ShortDescriptor descriptor, int bits, std::mt19937& random) {
+  for (int i = 0; i < bits; ++i) {
+    const auto bit = random() % 128;
+    descriptor[bit / 8] ^= static_cast<std::uint8_t>(1 << (bit % 8));
+  }
+  return descriptor;
+}
+
 TEST(MatchDescriptors, FindsTheSameDescriptorsUnderBitNoiseAndNothingElse) {
   std::mt19937 random(1);
-  std::vector<BinaryDescriptor> own, peer;
+  std::vector<ShortDescriptor> own, peer;
   for (int i = 0; i < 60; ++i) own.push_back(random_descriptor(random));
-  for (int i = 0; i < 30; ++i) peer.push_back(with_noise(own[2 * i], 20, random));
+  for (int i = 0; i < 30; ++i) peer.push_back(with_noise(own[2 * i], 10, random));
   for (int i = 0; i < 30; ++i) peer.push_back(random_descriptor(random));
   const std::vector<IndexPair> pairs = match_descriptors(own, peer, {});
   EXPECT_EQ(pairs.size(), 30u);
@@ -33,7 +44,7 @@ TEST(MatchDescriptors, FindsTheSameDescriptorsUnderBitNoiseAndNothingElse) {
 
 TEST(MatchDescriptors, TwinsAreAmbiguousOnEitherSide) {
   std::mt19937 random(2);
-  const BinaryDescriptor a = random_descriptor(random), b = random_descriptor(random);
+  const ShortDescriptor a = random_descriptor(random), b = random_descriptor(random);
   EXPECT_TRUE(match_descriptors({a, a}, {a, b}, {}).empty());
   EXPECT_TRUE(match_descriptors({a, b}, {a, a}, {}).empty());
   EXPECT_EQ(match_descriptors({a, b}, {b, a}, {}).size(), 2u);
@@ -181,7 +192,7 @@ TEST(Verify, TwentyPointsOnOneSpotDetermineNothing) {
   EXPECT_EQ(verify(T_world_cam, same, kFocal, {}).failure, VerificationFailure::kUndetermined);
 }
 
-// Features whose descriptors changed by about 70 bits, which no ratio test would let through.
+// Features whose descriptors changed by about 35 bits, which no ratio test would let through.
 struct GuidedCase {
   Case data;
   std::vector<OwnFeature> own;
@@ -193,8 +204,8 @@ GuidedCase make_guided_case(unsigned seed) {
   GuidedCase result;
   result.data = make_case({0.03, {0.3, -0.2, 0.1}}, 40, 0.5, seed);
   for (const Correspondence& match : result.data.matches) {
-    const BinaryDescriptor descriptor = random_descriptor(random);
-    result.own.push_back({match.bearing_own, with_noise(descriptor, 80, random)});
+    const ShortDescriptor descriptor = random_descriptor(random);
+    result.own.push_back({match.bearing_own, with_noise(descriptor, 40, random)});
     result.peer.push_back({match.p_world_peer, descriptor});
   }
   return result;

@@ -88,21 +88,19 @@ inline TrackedFrame view(const Scene& scene, const Eigen::Isometry3d& T_world_ca
   return frame;
 }
 
-// What the filter of a drone knows of the scene, `sigma` (m) per axis.
-inline std::vector<LandmarkEstimate> estimates(const Scene& scene, std::uint64_t first_id,
-                                               double sigma, unsigned seed) {
+// What the filter of a drone knows of the scene's depths, seen from `T_world_cam`; `share` of the
+// depth is their standard deviation and their largest error.
+inline std::vector<TrackDepth> depths(const Scene& scene, const Eigen::Isometry3d& T_world_cam,
+                                      std::uint64_t first_id, double share, unsigned seed) {
   std::mt19937 random(seed);
-  std::vector<LandmarkEstimate> landmarks;
+  std::vector<TrackDepth> known;
   for (std::size_t i = 0; i < scene.size(); ++i) {
-    LandmarkEstimate landmark;
-    landmark.landmark_id = first_id + i;
-    landmark.p_world =
-        scene[i].p_world + sigma * Eigen::Vector3d(uniform(-1, 1, random), uniform(-1, 1, random),
-                                                   uniform(-1, 1, random));
-    landmark.covariance = sigma * sigma * Eigen::Matrix3d::Identity();
-    landmarks.push_back(landmark);
+    const double depth = (T_world_cam.inverse() * scene[i].p_world).z();
+    if (depth < 0.5) continue;
+    const double inverse = (1 + share * uniform(-1, 1, random)) / depth;
+    known.push_back({first_id + i, inverse, share * inverse});
   }
-  return landmarks;
+  return known;
 }
 
 }  // namespace covey::testing

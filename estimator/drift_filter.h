@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a team knows together: how far the own odometry and those of the peers have drifted by the
+// keyframes that they have in common. A small Kalman filter beside the drone's own one, which never
+// learns of it: so every drone's odometry stays independent of all others', and what a peer says
+// counts once, however often it is heard.
+//
+// State: the pose errors e = [dp dtheta] (world axes, R = Exp(dtheta) R^) of keyframes, each as its
+// drone's odometry had it. Along one drone errors grow as odometry says:
+//   e_b = F_ab e_a + w,   F_ab = [I  -[p_b - p_a]x zz^T; 0  I],   cov(w) = P_b - F_ab P_a F_ab^T,
+// (yaw turns what comes after it; tilt is kept by gravity and does not). A keyframe is put into its
+// drone's chain when it is first needed, between those that are there (Brownian bridge). Two
+// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "estimator/measurements.h"
+#include "estimator/relative_pose.h"
+
+namespace covey {
+
+struct DriftConfig {
+  int max_keyframes = 100;         // in the state
+  double gate_confidence = 0.999;  // share of good relative poses that pass the chi-square gate
+  // A peer's claim to drift less than this share of the own odometry over the same time is not
+  // believed (variances).
+  double least_claim = 0.1;
+  // For about so long two drones that fly together see the same pairs of corners, and the errors of
+  // their relative poses are not new each time: more of them say no more.
+  double same_corners_s = 2.0;  // s
+  // Do all drones start in one world? If not, each peer's world is aligned first.
+  bool common_start = true;
+  int alignment_votes = 4;            // relative poses that must agree before a world is aligned
+  double alignment_agree_m = 0.5;     // m
+  double alignment_agree_rad = 0.03;  // rad
+};
+
+enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kInvalid };
+
+// A peer's world in the own one, as its newest common keyframe has it.
+struct WorldAlignment {
+  Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
+  double position_sigma = 0;  // m, largest, at that keyframe
+  double yaw_sigma = 0;       // rad
+};
+
+class DriftFilter {
+ public:
+  DriftFilter(const DriftConfig& config, std::string own_name);
+
+  // Every own keyframe: how sure the own odometry was at what time.
+  void add_own(const KeyframePose& pose);
+  DriftOutcome add(const RelativePose& measurement);
+
+  // The odometry's output with the present drift taken out.
+  [[nodiscard]] Odometry corrected(const Odometry& alone) const;
+
+  // Nothing while the peer's world is not known.
+  [[nodiscard]] std::optional<WorldAlignment> alignment(const std::string& peer) const;
+  [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
+  [[nodiscard]] double last_distance() const { return last_distance_; }  // squared Mahalanobis
+
+ private:
+  struct Node {
+    int drone = 0;  // 0: own
+    std::uint64_t keyframe_id = 0;
+    TimeNs stamp_ns = 0;
+    Eigen::Vector3d p = Eigen::Vector3d::Zero();  // nominal, in the own world
+    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+    Matrix6d covariance = Matrix6d::Zero();  // of the drone's odometry alone, in the own world
+  };
+  // A peer's world in the own one: nominal, error part of the peer's nodes.
+  struct World {
+    bool known = false;
+    Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
+    Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // m, where the alignment was found
+    Matrix6d covariance = Matrix6d::Zero();           // at the pivot
+    std::vector<RelativePose> candidates;             // until it is known
+  };
+  struct Drone {
+    std::string name;
+    World world;
+    std::optional<TimeNs> last_used_ns;  // own stamp of its last relative pose
+  };
+
+  struct OwnDrift {
+    TimeNs stamp_ns = 0;
+    double position = 0, yaw = 0;  // variances, m2 and rad2
+  };
+
+  [[nodiscard]] int drone_index(const std::string& name);
+  [[nodiscard]] Matrix6d believable(const KeyframePose& peer) const;
+  [[nodiscard]] Node to_node(int drone, const KeyframePose& pose) const;
+  // The next node of the same drone before it, or not before it; -1: none.
+  [[nodiscard]] int neighbour(const Node& node, bool earlier) const;
+  [[nodiscard]] int find_or_insert(const Node& node);
+  void append(const Node& node, int earlier, const Matrix6d& from_earlier, int later,
+              const Matrix6d& from_later, const Matrix6d& noise);
+  void make_room();
+  void forget(int index);
+  [[nodiscard]] bool align(World& world, const RelativePose& measurement);
+  // By how much more uncertain a relative pose is because it is not the first of its kind.
+  [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns) const;
+  DriftOutcome use(int drone, const RelativePose& measurement);
+
+  DriftConfig config_;
+  double gate_limit_;
+  std::vector<Drone> drones_;  // first the own one
+  std::vector<Node> nodes_;
+  Eigen::VectorXd x_;  // 6 per node
+  Eigen::MatrixXd P_;
+  std::vector<OwnDrift> own_history_;  // rising stamps
+  double last_distance_ = 0;
+};
+
+}  // namespace covey

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where an own keyframe's camera stands, seen from another keyframe's: own bearings of landmarks
+// whose bearings and depths the other one knows.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <string>
+
+#include "estimator/measurements.h"
+
+namespace covey {
+
+struct RelativePose {
+  std::string drone;                                              // whose keyframe `other` is
+  KeyframePose own, other;                                        // each in its drone's world
+  Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera
+  // Of [dp dtheta], both in the other camera's axes: R = Exp(dtheta) R^. What gravity says is not
+  // in it: directions that the landmarks leave open are as uncertain as they are.
+  Matrix6d covariance = Matrix6d::Identity();
+  int inliers = 0;
+};
+
+// Reweighted least squares over all six degrees of freedom from `match.T_other_own`. Nothing when
+// fewer than `min_inliers` matches agree or they do not fix the pose.
+[[nodiscard]] std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match,
+                                                                 int min_inliers);
+
+}  // namespace covey
