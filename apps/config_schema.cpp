@@ -214,10 +214,16 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
            "of the own drift's variance; a peer that claims less is not believed");
   v.flag("common_start", fusion.drift.common_start,
          "all drones start in one world; otherwise peers' worlds are aligned first");
-  v.count("alignment_votes", fusion.drift.alignment_votes, {2, 100},
+  WorldVoteConfig& alignment = fusion.drift.alignment;
+  v.count("alignment_votes", alignment.votes, {2, 100},
           "relative poses that must agree before a peer's world is aligned");
-  v.number("alignment_agree_m", fusion.drift.alignment_agree_m, {1e-3, 100}, "[m]");
-  v.angle("alignment_agree_deg", fusion.drift.alignment_agree_rad, {0.01, 90}, "[deg]");
+  v.number("alignment_spread_m", alignment.spread_m, {0, 1e4},
+           "[m] between the farthest of them: one place is not enough");
+  v.number("alignment_agree_m", alignment.agree_m, {1e-3, 100}, "[m]");
+  v.angle("alignment_agree_deg", alignment.agree_rad, {0.01, 90}, "[deg]");
+  v.angle("alignment_max_tilt_deg", alignment.max_tilt_rad, {0.01, 90},
+          "[deg] between two worlds, whose gravity is one");
+  v.number("alignment_share", alignment.share, {0, 1}, "of what was seen must agree");
 }
 
 void visit_link(LinkConfig& link, ConfigVisitor& v) {

@@ -4,7 +4,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
+#include <iterator>
+#include <limits>
 #include <utility>
 
 #include "estimator/chi_square.h"
@@ -15,9 +19,10 @@ namespace {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-constexpr int kSize = 6;                // of one keyframe's error
-constexpr double kMinVariance = 1e-10;  // m2 or rad2, of a step along a chain
-constexpr double kMaxTilt = 0.05;       // rad, between two worlds whose gravity is one
+constexpr int kSize = 6;                    // of one keyframe's error
+constexpr int kNewAtOnce = 3;               // keyframes of one relative pose
+constexpr double kMinVariance = 1e-10;      // m2 or rad2, of a step along a chain
+constexpr std::size_t kMaxHistory = 10000;  // own keyframes
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
@@ -64,45 +69,35 @@ Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
   return turn * covariance * turn.transpose();
 }
 
-// The peer's world in the own one as one relative pose has it, own drift not taken out.
-Eigen::Isometry3d world_of(const RelativePose& measurement) {
-  return measurement.own.T_world_cam * measurement.T_other_own.inverse() *
-         measurement.other.T_world_cam.inverse();
-}
-
-double yaw_of(const Eigen::Matrix3d& R) { return std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1)); }
-
-double tilt_of(const Eigen::Matrix3d& R) { return std::acos(std::clamp(R(2, 2), -1.0, 1.0)); }
-
-double wrapped(double angle) { return std::remainder(angle, 2 * M_PI); }
-
 }  // namespace
 
 DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
     : config_(config), gate_limit_(chi_square_quantile(config.gate_confidence, kSize)) {
-  drones_.push_back({std::move(own_name), {}, {}});
+  drones_.push_back({std::move(own_name), {}, {}, {}});
   drones_.front().world.known = true;
 }
 
-int DriftFilter::drone_index(const std::string& name) {
+std::optional<std::size_t> DriftFilter::drone_index(const std::string& name) {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
-    if (drones_[i].name == name) return static_cast<int>(i);
+    if (drones_[i].name == name) return i;
   }
-  drones_.push_back({name, {}, {}});
+  if (drones_.size() >= static_cast<std::size_t>(config_.max_drones)) return std::nullopt;
+  drones_.push_back({name, {}, {}, {}});
   drones_.back().world.known = config_.common_start;
-  return static_cast<int>(drones_.size()) - 1;
+  return drones_.size() - 1;
 }
 
 void DriftFilter::add_own(const KeyframePose& pose) {
+  if (own_history_.size() >= kMaxHistory) own_history_.pop_front();
   own_history_.push_back(
       {pose.stamp_ns, pose.covariance.topLeftCorner<3, 3>().trace(), pose.covariance(5, 5)});
 }
 
 // At least a share of what the own odometry had drifted by then: who claims less is not believed.
 Matrix6d DriftFilter::believable(const KeyframePose& peer) const {
-  const auto after =
-      std::find_if(own_history_.begin(), own_history_.end(),
-                   [&](const OwnDrift& own) { return own.stamp_ns > peer.stamp_ns; });
+  const auto after = std::upper_bound(
+      own_history_.begin(), own_history_.end(), peer.stamp_ns,
+      [](TimeNs stamp_ns, const OwnDrift& own) { return stamp_ns < own.stamp_ns; });
   if (after == own_history_.begin()) return peer.covariance;
   const OwnDrift& own = *std::prev(after);
   const double position = peer.covariance.topLeftCorner<3, 3>().trace();
@@ -111,8 +106,8 @@ Matrix6d DriftFilter::believable(const KeyframePose& peer) const {
   return std::max(1.0, factor) * peer.covariance;
 }
 
-DriftFilter::Node DriftFilter::to_node(int drone, const KeyframePose& pose) const {
-  const World& world = drones_[static_cast<std::size_t>(drone)].world;
+DriftFilter::Node DriftFilter::to_node(std::size_t drone, const KeyframePose& pose) const {
+  const World& world = drones_[drone].world;
   const Eigen::Isometry3d T_world_cam = world.T_own_peer * pose.T_world_cam;
   Node node{drone,
             pose.keyframe_id,
@@ -125,34 +120,33 @@ DriftFilter::Node DriftFilter::to_node(int drone, const KeyframePose& pose) cons
   return node;
 }
 
-int DriftFilter::neighbour(const Node& node, bool earlier) const {
-  int best = -1;
+DriftFilter::Neighbours DriftFilter::neighbours(std::size_t drone, TimeNs stamp_ns) const {
+  Neighbours found;
   for (int i = 0; i < keyframes(); ++i) {
-    const Node& other = nodes_[static_cast<std::size_t>(i)];
-    if (other.drone != node.drone || (other.stamp_ns < node.stamp_ns) != earlier) continue;
-    const auto& stamp = [&](int index) { return nodes_[static_cast<std::size_t>(index)].stamp_ns; };
-    if (best < 0 || (earlier ? stamp(i) > stamp(best) : stamp(i) < stamp(best))) best = i;
+    const Node& other = node(i);
+    if (other.drone != drone || other.stamp_ns == stamp_ns) continue;
+    int& best = other.stamp_ns < stamp_ns ? found.earlier : found.later;
+    const auto distance = [&](int index) { return std::abs(node(index).stamp_ns - stamp_ns); };
+    if (best < 0 || distance(i) < distance(best)) best = i;
   }
-  return best;
+  return found;
 }
 
-int DriftFilter::find_or_insert(const Node& node) {
+int DriftFilter::find_or_insert(const Node& wanted) {
   for (int i = 0; i < keyframes(); ++i) {
-    const Node& known = nodes_[static_cast<std::size_t>(i)];
-    if (known.drone == node.drone && known.keyframe_id == node.keyframe_id) return i;
+    if (node(i).drone == wanted.drone && node(i).keyframe_id == wanted.keyframe_id) return i;
   }
-  const int earlier = neighbour(node, true), later = neighbour(node, false);
+  const Neighbours near = neighbours(wanted.drone, wanted.stamp_ns);
   // What the earlier one says of it, or only the odometry; then what the later one adds.
-  Step from_earlier{Matrix6d::Zero(), node.covariance};
-  if (earlier >= 0)
-    from_earlier =
-        step_between(nodes_[static_cast<std::size_t>(earlier)].p,
-                     nodes_[static_cast<std::size_t>(earlier)].covariance, node.p, node.covariance);
+  Step from_earlier{Matrix6d::Zero(), wanted.covariance};
+  if (near.earlier >= 0) {
+    const Node& earlier = node(near.earlier);
+    from_earlier = step_between(earlier.p, earlier.covariance, wanted.p, wanted.covariance);
+  }
   Matrix6d from_later = Matrix6d::Zero();
-  if (later >= 0) {
-    const Step onward =
-        step_between(node.p, node.covariance, nodes_[static_cast<std::size_t>(later)].p,
-                     nodes_[static_cast<std::size_t>(later)].covariance);
+  if (near.later >= 0) {
+    const Node& later = node(near.later);
+    const Step onward = step_between(wanted.p, wanted.covariance, later.p, later.covariance);
     const Matrix6d Q = from_earlier.Q;
     const Matrix6d S = onward.A * Q * onward.A.transpose() + onward.Q;
     from_later = S.llt().solve(onward.A * Q).transpose();
@@ -160,60 +154,53 @@ int DriftFilter::find_or_insert(const Node& node) {
     from_earlier.A = rest * from_earlier.A;
     from_earlier.Q = rest * Q * rest.transpose() + from_later * onward.Q * from_later.transpose();
   }
-  append(node, earlier, from_earlier.A, later, from_later, from_earlier.Q);
+  append(wanted, near, from_earlier.A, from_later, from_earlier.Q);
   return keyframes() - 1;
 }
 
-void DriftFilter::append(const Node& node, int earlier, const Matrix6d& from_earlier, int later,
-                         const Matrix6d& from_later, const Matrix6d& noise) {
+// e = A_earlier e_earlier + A_later e_later + w, cov(w) = Q.
+void DriftFilter::append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
+                         const Matrix6d& A_later, const Matrix6d& Q) {
   const int n = kSize * keyframes();
   Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(kSize, n);
   Vector6d mean = Vector6d::Zero();
-  if (earlier >= 0) {
-    cross += from_earlier * P_.block(block(earlier), 0, kSize, n);
-    mean += from_earlier * x_.segment<kSize>(block(earlier));
+  Matrix6d covariance = Q;
+  const auto take = [&](int neighbour, const Matrix6d& A) {
+    if (neighbour < 0) return;
+    cross += A * P_.middleRows<kSize>(block(neighbour));
+    mean += A * x_.segment<kSize>(block(neighbour));
+  };
+  take(from.earlier, A_earlier);
+  take(from.later, A_later);
+  if (from.earlier >= 0) {
+    covariance += cross.middleCols<kSize>(block(from.earlier)) * A_earlier.transpose();
   }
-  if (later >= 0) {
-    cross += from_later * P_.block(block(later), 0, kSize, n);
-    mean += from_later * x_.segment<kSize>(block(later));
+  if (from.later >= 0) {
+    covariance += cross.middleCols<kSize>(block(from.later)) * A_later.transpose();
   }
-  Matrix6d own = noise;
-  if (earlier >= 0) own += cross.middleCols<kSize>(block(earlier)) * from_earlier.transpose();
-  if (later >= 0) own += cross.middleCols<kSize>(block(later)) * from_later.transpose();
   x_.conservativeResize(n + kSize);
   P_.conservativeResize(n + kSize, n + kSize);
   x_.tail<kSize>() = mean;
   P_.bottomLeftCorner(kSize, n) = cross;
   P_.topRightCorner(n, kSize) = cross.transpose();
-  P_.bottomRightCorner<kSize, kSize>() = (own + own.transpose()) / 2;
+  P_.bottomRightCorner<kSize, kSize>() = (covariance + covariance.transpose()) / 2;
   nodes_.push_back(node);
 }
 
 // Forgets the keyframe whose neighbours on its drone's way are closest in time; of each drone the
-// first and the last stay.
+// first and the last stay, if that is possible.
 void DriftFilter::make_room() {
-  while (keyframes() + 2 > config_.max_keyframes) {
-    int closest = -1;
-    TimeNs shortest = 0;
+  while (keyframes() + kNewAtOnce > config_.max_keyframes) {
+    int closest = 0;
+    TimeNs shortest = std::numeric_limits<TimeNs>::max();
     for (int i = 0; i < keyframes(); ++i) {
-      const Node& node = nodes_[static_cast<std::size_t>(i)];
-      const int before = neighbour(node, true);
-      int after = -1;
-      for (int j = 0; j < keyframes(); ++j) {
-        const Node& other = nodes_[static_cast<std::size_t>(j)];
-        if (other.drone != node.drone || other.stamp_ns <= node.stamp_ns) continue;
-        if (after < 0 || other.stamp_ns < nodes_[static_cast<std::size_t>(after)].stamp_ns)
-          after = j;
-      }
-      if (before < 0 || after < 0) continue;
-      const TimeNs span = nodes_[static_cast<std::size_t>(after)].stamp_ns -
-                          nodes_[static_cast<std::size_t>(before)].stamp_ns;
-      if (closest < 0 || span < shortest) {
-        closest = i;
-        shortest = span;
-      }
+      const Neighbours near = neighbours(node(i).drone, node(i).stamp_ns);
+      if (near.earlier < 0 || near.later < 0) continue;
+      const TimeNs span = node(near.later).stamp_ns - node(near.earlier).stamp_ns;
+      if (span >= shortest) continue;
+      closest = i;
+      shortest = span;
     }
-    if (closest < 0) closest = 0;
     forget(closest);
   }
 }
@@ -236,67 +223,28 @@ void DriftFilter::forget(int index) {
 
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   if (Eigen::LLT<Matrix6d>(measurement.covariance).info() != Eigen::Success ||
-      Eigen::LLT<Matrix6d>(measurement.other.covariance).info() != Eigen::Success) {
+      Eigen::LLT<Matrix6d>(measurement.other.covariance).info() != Eigen::Success ||
+      Eigen::LLT<Matrix6d>(measurement.other_before.covariance).info() != Eigen::Success) {
     return DriftOutcome::kInvalid;
   }
-  const int index = drone_index(measurement.drone);
-  if (drones_[static_cast<std::size_t>(index)].world.known) return use(index, measurement);
-  if (!align(drones_[static_cast<std::size_t>(index)].world, measurement)) {
-    return DriftOutcome::kUnaligned;
-  }
-  const std::vector<RelativePose> agreeing =
-      std::exchange(drones_[static_cast<std::size_t>(index)].world.candidates, {});
+  const std::optional<std::size_t> index = drone_index(measurement.drone);
+  if (!index) return DriftOutcome::kInvalid;
+  Drone& drone = drones_[*index];
+  if (drone.world.known) return use(*index, measurement);
+  const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);
+  if (agreeing.empty()) return DriftOutcome::kUnaligned;
+  drone.world.known = true;
+  drone.world.pivot = measurement.own.T_world_cam.translation();
+  drone.world.T_own_peer =
+      levelled(world_of(measurement), measurement.other.T_world_cam.translation());
+  drone.world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
+  drone.world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
   DriftOutcome outcome = DriftOutcome::kGated;
-  for (const RelativePose& candidate : agreeing) outcome = use(index, candidate);
+  for (const RelativePose& relative : agreeing) outcome = use(*index, relative);
   return outcome;
 }
 
-// Believed once several relative poses, from different keyframes on both sides, agree and most of
-// what was seen agrees with them: one false match, or a scene that repeats itself, is not enough.
-bool DriftFilter::align(World& world, const RelativePose& measurement) {
-  const Eigen::Isometry3d newest = world_of(measurement);
-  if (tilt_of(newest.linear()) > kMaxTilt) return false;
-  world.candidates.push_back(measurement);
-  const auto agrees = [&](const RelativePose& other) {
-    const Eigen::Isometry3d T = world_of(other);
-    const Eigen::Vector3d p = measurement.other.T_world_cam.translation();
-    return (T * p - newest * p).norm() < config_.alignment_agree_m &&
-           std::abs(wrapped(yaw_of(T.linear()) - yaw_of(newest.linear()))) <
-               config_.alignment_agree_rad;
-  };
-  std::vector<RelativePose> agreeing;
-  for (const RelativePose& candidate : world.candidates) {
-    const bool repeats =
-        std::any_of(agreeing.begin(), agreeing.end(), [&](const RelativePose& other) {
-          return other.own.keyframe_id == candidate.own.keyframe_id ||
-                 other.other.keyframe_id == candidate.other.keyframe_id;
-        });
-    if (agrees(candidate) && !repeats) agreeing.push_back(candidate);
-  }
-  constexpr double kMost = 0.6;
-  constexpr std::size_t kMaxCandidates = 30;
-  const auto all_agreeing = std::count_if(world.candidates.begin(), world.candidates.end(), agrees);
-  const bool believed =
-      static_cast<int>(agreeing.size()) >= config_.alignment_votes &&
-      static_cast<double>(all_agreeing) >= kMost * static_cast<double>(world.candidates.size());
-  if (!believed) {
-    if (world.candidates.size() > kMaxCandidates) world.candidates.erase(world.candidates.begin());
-    return false;
-  }
-  world.known = true;
-  world.pivot = measurement.own.T_world_cam.translation();
-  const double yaw = yaw_of(newest.linear());
-  world.T_own_peer.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const Eigen::Vector3d p = measurement.other.T_world_cam.translation();
-  world.T_own_peer.translation() = newest * p - world.T_own_peer.linear() * p;
-  world.covariance.setZero();
-  world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
-  world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
-  world.candidates = std::move(agreeing);
-  return true;
-}
-
-double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) const {
+double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) {
   constexpr double kShortest_s = 0.25;
   const std::optional<TimeNs> last_ns = std::exchange(drone.last_used_ns, own_stamp_ns);
   if (!last_ns) return 1;
@@ -304,26 +252,42 @@ double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) const {
   return std::max(1.0, config_.same_corners_s / std::max(since_s, kShortest_s));
 }
 
-DriftOutcome DriftFilter::use(int drone, const RelativePose& measurement) {
+// How the share by which odometry has the way before -> other too short changes with the error at
+// `other`: the landmarks' depths, and with them the way between the cameras, are too short by it.
+Eigen::RowVector3d DriftFilter::scale_gradient(const Node& before, const Node& other) {
+  constexpr double kShortest = 0.3;  // m; depths measured over less come from somewhere else
+  const Eigen::Vector3d way = other.p - before.p;
+  if (way.norm() < kShortest) return Eigen::RowVector3d::Zero();
+  return way.transpose() / way.squaredNorm();
+}
+
+// r = e_own - e_other + [b]x dtheta_other - b g (dp_other - dp_before) + n, b from other to own.
+DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   make_room();
   const int own = find_or_insert(to_node(0, measurement.own));
+  const int before = find_or_insert(to_node(drone, measurement.other_before));
   const int other = find_or_insert(to_node(drone, measurement.other));
   if (own == other) return DriftOutcome::kInvalid;
-  const Node& k = nodes_[static_cast<std::size_t>(own)];
-  const Node& m = nodes_[static_cast<std::size_t>(other)];
-  const Eigen::Vector3d between = k.p - m.p;
-  Matrix6d H_other = -Matrix6d::Identity();
-  H_other.topRightCorner<3, 3>() = skew(between);
-  Vector6d r;
-  r.head<3>() = m.R * measurement.T_other_own.translation() - between;
-  r.tail<3>() = log_so3(m.R * measurement.T_other_own.linear() * k.R.transpose());
-  r -= x_.segment<kSize>(block(own)) + H_other * x_.segment<kSize>(block(other));
+  const Node &k = node(own), &m = node(other);
+  const Eigen::Vector3d b = k.p - m.p;
+  const Eigen::Matrix3d by_scale = b * scale_gradient(node(before), m);
+  Matrix6d H_other = -Matrix6d::Identity(), H_before = Matrix6d::Zero();
+  H_other.topLeftCorner<3, 3>() -= by_scale;
+  H_other.topRightCorner<3, 3>() = skew(b);
+  H_before.topLeftCorner<3, 3>() = by_scale;
+  const std::array<std::pair<int, Matrix6d>, 3> terms{
+      {{own, Matrix6d::Identity()}, {other, H_other}, {before, H_before}}};
 
-  const Eigen::MatrixXd PHt =
-      P_.middleCols<kSize>(block(own)) + P_.middleCols<kSize>(block(other)) * H_other.transpose();
-  Matrix6d S = repetition(drones_[static_cast<std::size_t>(drone)], k.stamp_ns) *
-               rotated(measurement.covariance, m.R);
-  S += PHt.middleRows<kSize>(block(own)) + H_other * PHt.middleRows<kSize>(block(other));
+  Vector6d r;
+  r.head<3>() = m.R * measurement.T_other_own.translation() - b;
+  r.tail<3>() = log_so3(m.R * measurement.T_other_own.linear() * k.R.transpose());
+  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kSize);
+  for (const auto& [index, H] : terms) {
+    r -= H * x_.segment<kSize>(block(index));
+    PHt += P_.middleCols<kSize>(block(index)) * H.transpose();
+  }
+  Matrix6d S = repetition(drones_[drone], k.stamp_ns) * rotated(measurement.covariance, m.R);
+  for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix6d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
   last_distance_ = r.dot(cholesky.solve(r));
@@ -335,15 +299,12 @@ DriftOutcome DriftFilter::use(int drone, const RelativePose& measurement) {
 }
 
 Odometry DriftFilter::corrected(const Odometry& alone) const {
-  Node now;
-  now.stamp_ns = alone.stamp_ns + 1;
-  const int last = neighbour(now, true);
+  const int last = neighbours(0, alone.stamp_ns + 1).earlier;
   if (last < 0) return alone;
-  const Node& node = nodes_[static_cast<std::size_t>(last)];
-  const Eigen::Matrix3d R = alone.pose.q_world_imu.toRotationMatrix();
+  const Node& known = node(last);
   Matrix6d to_world = Matrix6d::Identity();  // from [dp dtheta_local]
   to_world.bottomRightCorner<3, 3>() = alone.pose.q_world_imu.toRotationMatrix();
-  const Step step = step_between(node.p, node.covariance, alone.pose.p_world_imu,
+  const Step step = step_between(known.p, known.covariance, alone.pose.p_world_imu,
                                  to_world * alone.pose_covariance * to_world.transpose());
   const Vector6d drift = step.A * x_.segment<kSize>(block(last));
   const Matrix6d P =
@@ -362,21 +323,26 @@ Odometry DriftFilter::corrected(const Odometry& alone) const {
 std::optional<WorldAlignment> DriftFilter::alignment(const std::string& peer) const {
   int newest = -1;
   for (int i = 0; i < keyframes(); ++i) {
-    const Node& node = nodes_[static_cast<std::size_t>(i)];
-    if (node.drone == 0 || drones_[static_cast<std::size_t>(node.drone)].name != peer) continue;
-    if (newest < 0 || node.stamp_ns > nodes_[static_cast<std::size_t>(newest)].stamp_ns) newest = i;
+    if (node(i).drone == 0 || drones_[node(i).drone].name != peer) continue;
+    if (newest < 0 || node(i).stamp_ns > node(newest).stamp_ns) newest = i;
   }
   if (newest < 0) return std::nullopt;
-  const Node& node = nodes_[static_cast<std::size_t>(newest)];
+  const Node& known = node(newest);
   const auto error = x_.segment<kSize>(block(newest));
   Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();  // about the keyframe
   correction.linear() = exp_so3(error.tail<3>());
-  correction.translation() = node.p + error.head<3>() - correction.linear() * node.p;
+  correction.translation() = known.p + error.head<3>() - correction.linear() * known.p;
   const Matrix6d P = P_.block<kSize, kSize>(block(newest), block(newest));
   return WorldAlignment{
-      correction * drones_[static_cast<std::size_t>(node.drone)].world.T_own_peer,
+      correction * drones_[known.drone].world.T_own_peer,
       std::sqrt(P.topLeftCorner<3, 3>().selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()),
       std::sqrt(P(5, 5))};
+}
+
+std::vector<std::string> DriftFilter::peers() const {
+  std::vector<std::string> names;
+  for (std::size_t i = 1; i < drones_.size(); ++i) names.push_back(drones_[i].name);
+  return names;
 }
 
 }  // namespace covey

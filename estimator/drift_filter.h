@@ -13,14 +13,16 @@
 // keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <map>
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "estimator/measurements.h"
 #include "estimator/relative_pose.h"
+#include "estimator/world_vote.h"
 
 namespace covey {
 
@@ -35,9 +37,8 @@ struct DriftConfig {
   double same_corners_s = 2.0;  // s
   // Do all drones start in one world? If not, each peer's world is aligned first.
   bool common_start = true;
-  int alignment_votes = 4;            // relative poses that must agree before a world is aligned
-  double alignment_agree_m = 0.5;     // m
-  double alignment_agree_rad = 0.03;  // rad
+  WorldVoteConfig alignment;
+  int max_drones = 64;  // who invents more names is not heard
 };
 
 enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kInvalid };
@@ -60,14 +61,17 @@ class DriftFilter {
   // The odometry's output with the present drift taken out.
   [[nodiscard]] Odometry corrected(const Odometry& alone) const;
 
-  // Nothing while the peer's world is not known.
+  // Nothing while the peer's world is not known or nothing of it has been used.
   [[nodiscard]] std::optional<WorldAlignment> alignment(const std::string& peer) const;
+  [[nodiscard]] std::vector<std::string> peers() const;  // that were ever heard
   [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
+  // Of the pose errors of all keyframes in the state, [dp dtheta] each.
+  [[nodiscard]] const Eigen::MatrixXd& covariance() const { return P_; }
   [[nodiscard]] double last_distance() const { return last_distance_; }  // squared Mahalanobis
 
  private:
   struct Node {
-    int drone = 0;  // 0: own
+    std::size_t drone = 0;  // 0: own
     std::uint64_t keyframe_id = 0;
     TimeNs stamp_ns = 0;
     Eigen::Vector3d p = Eigen::Vector3d::Zero();  // nominal, in the own world
@@ -80,33 +84,38 @@ class DriftFilter {
     Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
     Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // m, where the alignment was found
     Matrix6d covariance = Matrix6d::Zero();           // at the pivot
-    std::vector<RelativePose> candidates;             // until it is known
   };
   struct Drone {
     std::string name;
     World world;
+    WorldVote vote;
     std::optional<TimeNs> last_used_ns;  // own stamp of its last relative pose
   };
-
+  // Indices of nodes; -1: none.
+  struct Neighbours {
+    int earlier = -1, later = -1;
+  };
   struct OwnDrift {
     TimeNs stamp_ns = 0;
     double position = 0, yaw = 0;  // variances, m2 and rad2
   };
 
-  [[nodiscard]] int drone_index(const std::string& name);
+  [[nodiscard]] std::optional<std::size_t> drone_index(const std::string& name);
+  [[nodiscard]] const Node& node(int index) const {
+    return nodes_[static_cast<std::size_t>(index)];
+  }
   [[nodiscard]] Matrix6d believable(const KeyframePose& peer) const;
-  [[nodiscard]] Node to_node(int drone, const KeyframePose& pose) const;
-  // The next node of the same drone before it, or not before it; -1: none.
-  [[nodiscard]] int neighbour(const Node& node, bool earlier) const;
+  [[nodiscard]] Node to_node(std::size_t drone, const KeyframePose& pose) const;
+  [[nodiscard]] Neighbours neighbours(std::size_t drone, TimeNs stamp_ns) const;
   [[nodiscard]] int find_or_insert(const Node& node);
-  void append(const Node& node, int earlier, const Matrix6d& from_earlier, int later,
-              const Matrix6d& from_later, const Matrix6d& noise);
+  void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
+              const Matrix6d& A_later, const Matrix6d& Q);
   void make_room();
   void forget(int index);
-  [[nodiscard]] bool align(World& world, const RelativePose& measurement);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
-  [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns) const;
-  DriftOutcome use(int drone, const RelativePose& measurement);
+  [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns);
+  [[nodiscard]] static Eigen::RowVector3d scale_gradient(const Node& before, const Node& other);
+  DriftOutcome use(std::size_t drone, const RelativePose& measurement);
 
   DriftConfig config_;
   double gate_limit_;
@@ -114,7 +123,7 @@ class DriftFilter {
   std::vector<Node> nodes_;
   Eigen::VectorXd x_;  // 6 per node
   Eigen::MatrixXd P_;
-  std::vector<OwnDrift> own_history_;  // rising stamps
+  std::deque<OwnDrift> own_history_;  // rising stamps
   double last_distance_ = 0;
 };
 

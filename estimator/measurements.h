@@ -78,6 +78,10 @@ using BinaryDescriptor = std::array<std::uint8_t, 32>;  // ORB, 256 bits
 // With the geometry to check them, drones match by it as well as by the whole.
 using ShortDescriptor = std::array<std::uint8_t, 16>;
 
+// Grey levels about a corner, 8 x 8 of 4 bits, row by row, the first in the low half of its octet;
+// darkest 0, brightest 15. All zero: none.
+using LandmarkPatch = std::array<std::uint8_t, 32>;
+
 // How far away a tracked corner is, seen from the newest image.
 struct TrackDepth {
   std::uint64_t track_id = 0;
@@ -118,6 +122,7 @@ struct PeerKeyframe {
   std::string receiver;
   std::uint64_t request_keyframe_id = 0;  // PlaceAdvert::keyframe_id that is answered
   KeyframePose pose;                      // in the sender's world
+  KeyframePose before;                    // the one since which the depths were measured
   std::vector<PeerLandmark> landmarks;
 };
 
@@ -134,7 +139,7 @@ struct LandmarkMatch {
 struct KeyframeMatch {
   std::string drone;  // whose keyframe the other one is
   KeyframePose own;
-  KeyframePose other;                                             // in that drone's world
+  KeyframePose other, other_before;  // in that drone's world, as in PeerKeyframe
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
   double bearing_sigma = 0;  // to which two drones agree on a corner, normalised plane
   std::vector<LandmarkMatch> matches;

@@ -82,7 +82,7 @@ std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, i
   }
   const Eigen::LLT<Matrix6d> cholesky(normal.A);
   if (cholesky.info() != Eigen::Success || cholesky.rcond() < 1e-12) return std::nullopt;
-  RelativePose pose{match.drone, match.own, match.other, T, {}, normal.inliers};
+  RelativePose pose{match.drone, match.own, match.other, match.other_before, T, {}, normal.inliers};
   pose.covariance = cholesky.solve(Matrix6d::Identity());
   return pose;
 }

@@ -13,8 +13,11 @@
 namespace covey {
 
 struct RelativePose {
-  std::string drone;                                              // whose keyframe `other` is
-  KeyframePose own, other;                                        // each in its drone's world
+  std::string drone;        // whose keyframe `other` is
+  KeyframePose own, other;  // each in its drone's world
+  // Over the way from here to `other` the landmarks' depths were measured: if odometry has it too
+  // short by some share, so are they, and so is the way between the cameras.
+  KeyframePose other_before;
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera
   // Of [dp dtheta], both in the other camera's axes: R = Exp(dtheta) R^. What gravity says is not
   // in it: directions that the landmarks leave open are as uncertain as they are.

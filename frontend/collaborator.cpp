@@ -14,7 +14,8 @@
 namespace covey {
 namespace {
 
-constexpr double kMaxCoordinate = 1e6;  // m
+constexpr double kMaxCoordinate = 1e6;     // m
+constexpr std::size_t kMaxAccepted = 256;  // landmarks of a message
 
 void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, double focal_length_px) {
   const auto require = [](bool good, const char* what) {
@@ -37,12 +38,13 @@ bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_rel
          inverse_depth_sigma <= max_relative_sigma * inverse_depth;
 }
 
-bool is_well_formed(const PeerKeyframe& message, int max_landmarks) {
-  if (message.sender.empty()) return false;
-  if (message.landmarks.size() > static_cast<std::size_t>(max_landmarks)) return false;
-  if (!message.pose.T_world_cam.matrix().allFinite() || !message.pose.covariance.allFinite() ||
-      message.pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
-    return false;
+bool is_well_formed(const PeerKeyframe& message) {
+  if (message.sender.empty() || message.landmarks.size() > kMaxAccepted) return false;
+  for (const KeyframePose& pose : {message.pose, message.before}) {
+    if (!pose.T_world_cam.matrix().allFinite() || !pose.covariance.allFinite() ||
+        pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
+      return false;
+    }
   }
   return std::all_of(
       message.landmarks.begin(), message.landmarks.end(), [](const PeerLandmark& landmark) {
@@ -182,6 +184,7 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
                                        const std::vector<TrackDepth>& depths) {
   Keyframe keyframe;
   keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
+  keyframe.before = before(keyframe.pose);
   keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
                             .value_or(config_.keyframe.fallback_depth);
   std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
@@ -202,6 +205,16 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
   database_.add(std::move(keyframe));
   ++report_.keyframes;
   return advert;
+}
+
+// The newest keyframe of that age, or the oldest there is.
+KeyframePose Collaborator::before(const KeyframePose& pose) const {
+  const std::deque<Keyframe>& known = database_.keyframes();
+  if (known.empty()) return pose;
+  const auto old_enough = std::find_if(known.rbegin(), known.rend(), [&](const Keyframe& keyframe) {
+    return seconds_between(keyframe.pose.stamp_ns, pose.stamp_ns) >= config_.depth_memory_s;
+  });
+  return old_enough == known.rend() ? known.front().pose : old_enough->pose;
 }
 
 std::vector<KeyframeMatch> Collaborator::revisit() {
@@ -238,6 +251,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   for (const Candidate& candidate : candidates) {
     const Sight sight = candidate.own ? Sight{config_.agent,
                                               candidate.own->pose,
+                                              candidate.own->before,
                                               {},
                                               to_peer_landmarks(landmarks_of(*candidate.own))}
                                       : *candidate.peer;
@@ -262,7 +276,7 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
                   depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
-  remembered_.push_back({message.sender, message.pose, view, landmarks});
+  remembered_.push_back({message.sender, message.pose, message.before, view, landmarks});
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -304,8 +318,12 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
     const double score = landmark_score(advert, candidate, landmarks);
     if (score < best_score) continue;
     best_score = score;
-    best = PeerKeyframe{config_.agent, advert.sender, advert.keyframe_id, candidate.keyframe->pose,
-                        to_peer_landmarks(landmarks)};
+    best = PeerKeyframe{config_.agent,
+                        advert.sender,
+                        advert.keyframe_id,
+                        candidate.keyframe->pose,
+                        candidate.keyframe->before,
+                        to_peer_landmarks(most_useful(landmarks, advert))};
   }
   return best;
 }
@@ -333,10 +351,27 @@ double Collaborator::landmark_score(const PlaceAdvert& advert, const RankedKeyfr
   return common_share(advert.descriptor, describe_compact(descriptors_of(landmarks)));
 }
 
+// Those first that the advert's corners are most like: the peer will find them.
+std::vector<KeyframeFeature> Collaborator::most_useful(
+    const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const {
+  std::vector<std::pair<double, std::size_t>> order;  // less is better
+  for (std::size_t i = 0; i < landmarks.size(); ++i) order.emplace_back(0.0, i);
+  if (config_.place_mode == PlaceMode::kCompact) {
+    const auto corners = describe_compact(descriptors_of(landmarks));
+    for (const IndexPair& match : common_corners(corners, advert.descriptor)) {
+      order[match.own].first = -corner_weight(match);
+    }
+  }
+  std::sort(order.begin(), order.end());
+  order.resize(std::min(order.size(), static_cast<std::size_t>(config_.max_landmarks)));
+  std::vector<KeyframeFeature> best;
+  for (const auto& [weight, index] : order) best.push_back(landmarks[index]);
+  return best;
+}
+
 std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe) const {
   std::vector<KeyframeFeature> landmarks;
   for (const KeyframeFeature& feature : keyframe.features) {
-    if (landmarks.size() >= static_cast<std::size_t>(config_.max_landmarks)) break;
     if (is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
                    config_.max_relative_sigma)) {
       landmarks.push_back(feature);
@@ -362,11 +397,12 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyfra
   if (message.receiver != config_.agent || message.sender == config_.agent) {
     return NoMatch{NoMatchReason::kNotForUs};
   }
-  if (!is_well_formed(message, config_.max_landmarks)) return NoMatch{NoMatchReason::kMalformed};
+  if (!is_well_formed(message)) return NoMatch{NoMatchReason::kMalformed};
   const Keyframe* own = database_.find(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  return match_keyframes(*own, {message.sender, message.pose, {}, message.landmarks});
+  return match_keyframes(*own,
+                         {message.sender, message.pose, message.before, {}, message.landmarks});
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
@@ -392,6 +428,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyfram
   KeyframeMatch match{other.drone,
                       own.pose,
                       other.pose,
+                      other.before,
                       relative_pose(own.pose, other.pose, result.verified->offset),
                       config_.matching_sigma_px / focal_length_px_,
                       {}};

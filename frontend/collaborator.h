@@ -37,6 +37,7 @@ struct CollaboratorConfig {
   // Asking and storing.
   KeyframeRule keyframe;
   KeyframeDatabase::Config database;
+  double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
   // Revisiting.
   double loop_min_age_s = 5.0;          // s, of an own keyframe
@@ -49,7 +50,7 @@ struct CollaboratorConfig {
   double place_threshold = 0;  // least score that is answered; 0: default_threshold of the mode
   AnswerLimiter::Config limiter;
   int min_landmarks = 8;            // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 200;          // per message, sent and accepted
+  int max_landmarks = 200;          // of an answer
   double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
                                     // neither sent nor accepted
   // Matching.
@@ -135,6 +136,8 @@ class Collaborator {
   [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(const PlaceAdvert& advert) const;
   [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
                                       const std::vector<KeyframeFeature>& landmarks) const;
+  [[nodiscard]] std::vector<KeyframeFeature> most_useful(
+      const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const;
   // Those whose depth is known.
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
@@ -142,12 +145,13 @@ class Collaborator {
   // A keyframe whose landmarks can be matched; `view`: in the own world.
   struct Sight {
     std::string drone;
-    KeyframePose pose;
+    KeyframePose pose, before;
     View view;
     std::vector<PeerLandmark> landmarks;
   };
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
                                                                      const Sight& other) const;
+  [[nodiscard]] KeyframePose before(const KeyframePose& pose) const;
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;

@@ -5,8 +5,6 @@
 #include <cassert>
 #include <cstring>
 
-#include "frontend/mutual_matches.h"
-
 namespace covey {
 namespace {
 
@@ -28,13 +26,6 @@ int bits_set(std::uint64_t v) {
   return static_cast<int>((v * 0x0101010101010101u) >> 56);
 }
 
-// 1 for equal corners, falling to 0 as they differ, or as others are hardly worse. A limit for
-// either would throw away most of what thermal images have in common, or let chance in.
-double weight(const IndexPair& match) {
-  return (1 - static_cast<double>(match.distance) / (kMaxDistanceBits + 1)) *
-         (1 - static_cast<double>(match.distance) / match.second_distance);
-}
-
 }  // namespace
 
 std::vector<std::uint8_t> describe_compact(const std::vector<BinaryDescriptor>& features) {
@@ -46,7 +37,8 @@ std::vector<std::uint8_t> describe_compact(const std::vector<BinaryDescriptor>& 
   return place;
 }
 
-double common_share(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b) {
+std::vector<IndexPair> common_corners(const std::vector<std::uint8_t>& a,
+                                      const std::vector<std::uint8_t>& b) {
   const std::vector<std::uint64_t> corners_a = unpack(a), corners_b = unpack(b);
   MutualMatches matches(corners_a.size(), corners_b.size());
   for (std::size_t i = 0; i < corners_a.size(); ++i) {
@@ -54,10 +46,20 @@ double common_share(const std::vector<std::uint8_t>& a, const std::vector<std::u
       matches.see(i, j, bits_set(corners_a[i] ^ corners_b[j]));
     }
   }
-  if (corners_a.empty() || corners_b.empty()) return 0;
+  return matches.pairs(kMaxDistanceBits, 1);
+}
+
+double corner_weight(const IndexPair& match) {
+  return (1 - static_cast<double>(match.distance) / (kMaxDistanceBits + 1)) *
+         (1 - static_cast<double>(match.distance) / match.second_distance);
+}
+
+double common_share(const std::vector<std::uint8_t>& a, const std::vector<std::uint8_t>& b) {
+  const std::size_t corners = std::max(a.size(), b.size()) / kCompactBytes;
+  if (corners == 0) return 0;
   double common = 0;
-  for (const IndexPair& match : matches.pairs(kMaxDistanceBits, 1)) common += weight(match);
-  return common / static_cast<double>(std::max(corners_a.size(), corners_b.size()));
+  for (const IndexPair& match : common_corners(a, b)) common += corner_weight(match);
+  return common / static_cast<double>(corners);
 }
 
 }  // namespace covey

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/mutual_matches.h"
 
 namespace covey {
 
@@ -21,9 +22,17 @@ inline constexpr std::size_t kCompactBytes = 8;
 [[nodiscard]] std::vector<std::uint8_t> describe_compact(
     const std::vector<BinaryDescriptor>& features);
 
+// Corners of two places that are each other's best match. Sizes must be multiples of kCompactBytes,
+// at most kCompactCorners of them.
+[[nodiscard]] std::vector<IndexPair> common_corners(const std::vector<std::uint8_t>& a,
+                                                    const std::vector<std::uint8_t>& b);
+
+// 1 for equal corners, falling to 0 as they differ, or as others are hardly worse. A limit for
+// either would throw away most of what thermal images have in common, or let chance in.
+[[nodiscard]] double corner_weight(const IndexPair& match);
+
 // Share of corners, of the place that has more of them, that are each other's best match; each
-// counts the more the nearer it is and the farther the next best. Sizes must be multiples of
-// kCompactBytes, at most kCompactCorners of them.
+// counts its weight.
 [[nodiscard]] double common_share(const std::vector<std::uint8_t>& a,
                                   const std::vector<std::uint8_t>& b);
 

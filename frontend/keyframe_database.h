@@ -38,7 +38,7 @@ struct KeyframeFeature {
 };
 
 struct Keyframe {
-  KeyframePose pose;
+  KeyframePose pose, before;              // as in PeerKeyframe
   double mean_depth = 1;                  // m, of what it sees
   std::vector<KeyframeFeature> features;  // rising track ids
   PlaceDescriptor place;
