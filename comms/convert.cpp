@@ -168,6 +168,11 @@ std::vector<PeerLandmark> landmarks_of(const wire::MessageUAV& message) {
   return landmarks;
 }
 
+// Rounded down.
+Eigen::Index square_root(std::size_t value) {
+  return static_cast<Eigen::Index>(std::sqrt(static_cast<double>(value)));
+}
+
 PlaceAdvert from_wire(const wire::RequestUAV& request) {
   PlaceAdvert out;
   out.sender = request.sender().to_string();
@@ -189,6 +194,21 @@ PeerKeyframe from_wire(const wire::MessageUAV& message) {
   out.pose.T_world_cam.translation() = to_vector(message.p_world_cam());
   out.pose.covariance = symmetric<6>(message.pose_covariance());
   out.landmarks = landmarks_of(message);
+  return out;
+}
+
+FullPeerKeyframe from_wire(const wire::FullMessageUAV& full) {
+  FullPeerKeyframe out;
+  out.keyframe = from_wire(full.message());
+  FilterSnapshot& filter = out.filter;
+  filter.stamp_ns = full.filter_stamp_ns();
+  filter.state = Eigen::Map<const Eigen::VectorXd>(full.state().data(),
+                                                   static_cast<Eigen::Index>(full.state().size()));
+  filter.landmark_tracks = full.landmark_tracks();
+  filter.landmark_anchors = full.landmark_anchors();
+  const Eigen::Index size = square_root(full.covariance().size());
+  filter.covariance =
+      Eigen::Map<const Eigen::MatrixXd>(full.covariance().data(), size, size).transpose();
   return out;
 }
 
@@ -234,8 +254,9 @@ Bytes encode(const PlaceAdvert& advert) {
   return serialize(out);
 }
 
-Bytes encode(const PeerKeyframe& keyframe) {
-  assert(!problem_with(keyframe));
+namespace {
+
+wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   wire::MessageUAV out;
   out.version(kWireVersion);
   out.sender(keyframe.sender);
@@ -248,6 +269,27 @@ Bytes encode(const PeerKeyframe& keyframe) {
   out.q_world_cam_xyzw(to_array<float, 4>(q_world_cam.coeffs()));
   out.pose_covariance(upper_triangle<6>(keyframe.pose.covariance));
   for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, out);
+  return out;
+}
+
+}  // namespace
+
+Bytes encode(const PeerKeyframe& keyframe) {
+  assert(!problem_with(keyframe));
+  return serialize(to_wire(keyframe));
+}
+
+Bytes encode(const FullPeerKeyframe& message) {
+  assert(!problem_with(message));
+  const FilterSnapshot& filter = message.filter;
+  wire::FullMessageUAV out;
+  out.message(to_wire(message.keyframe));
+  out.filter_stamp_ns(filter.stamp_ns);
+  out.state({filter.state.begin(), filter.state.end()});
+  out.landmark_tracks(filter.landmark_tracks);
+  out.landmark_anchors(filter.landmark_anchors);
+  // Symmetric: by columns or by rows is the same.
+  out.covariance({filter.covariance.data(), filter.covariance.data() + filter.covariance.size()});
   return serialize(out);
 }
 
@@ -303,6 +345,13 @@ Problem problem_on_wire(const wire::MessageUAV& message) {
   return {};
 }
 
+Problem problem_on_wire(const wire::FullMessageUAV& full) {
+  const std::size_t size = full.covariance().size();
+  const auto root = static_cast<std::size_t>(square_root(size));
+  if (size == 0 || root * root != size) return "covariance of the filter is not square";
+  return problem_on_wire(full.message());
+}
+
 Problem problem_with(const StatusSample& sample) {
   if (sample.hears.size() > kMaxHears) return "too many peers in a status";
   return covey::problem_with(sample.status);
@@ -333,6 +382,10 @@ Decoded<PlaceAdvert> decode_place_advert(const Bytes& bytes) {
 
 Decoded<PeerKeyframe> decode_peer_keyframe(const Bytes& bytes) {
   return decode<wire::MessageUAV>(bytes, kMaxMessageBytes);
+}
+
+Decoded<FullPeerKeyframe> decode_full_keyframe(const Bytes& bytes) {
+  return decode<wire::FullMessageUAV>(bytes, kMaxFullMessageBytes);
 }
 
 Decoded<StatusSample> decode_status(const Bytes& bytes) {

@@ -78,6 +78,20 @@ TEST(Convert, LandmarksAreRoundedFinely) {
   }
 }
 
+TEST(Convert, AWholeFilterSurvivesTheWireUnchanged) {
+  const FullPeerKeyframe sent = samples::full_keyframe("uav1", "");
+  const auto decoded = decode_full_keyframe(encode(sent));
+  const FullPeerKeyframe& got = accepted(decoded);
+  EXPECT_EQ(got.keyframe.sender, sent.keyframe.sender);
+  EXPECT_EQ(got.keyframe.receiver, "");
+  EXPECT_EQ(got.keyframe.landmarks.size(), sent.keyframe.landmarks.size());
+  EXPECT_EQ(got.filter.stamp_ns, sent.filter.stamp_ns);
+  EXPECT_EQ(got.filter.state, sent.filter.state);
+  EXPECT_EQ(got.filter.landmark_tracks, sent.filter.landmark_tracks);
+  EXPECT_EQ(got.filter.landmark_anchors, sent.filter.landmark_anchors);
+  EXPECT_EQ(got.filter.covariance, sent.filter.covariance);
+}
+
 TEST(Convert, StatusSurvivesTheWireUnchanged) {
   const StatusSample sent{samples::status(), {1, 0xffffffffffffffffULL, 3}};
   const auto decoded = decode_status(encode(sent));
@@ -113,6 +127,11 @@ TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();
   EXPECT_EQ(with_80 - with_40, 40u * 23u);
   EXPECT_LT(with_40, 1150u);  // one packet
+  // The paper's filter of about 150 states: 190.7 kB, most of it 180 kB of covariance.
+  FullPeerKeyframe full = samples::full_keyframe();
+  full.filter = samples::filter(10, 25);
+  ASSERT_EQ(full.filter.covariance.rows(), 150);
+  EXPECT_NEAR(static_cast<double>(encode(full).size()), 180e3 + 3e3, 0.5e3);
 }
 
 TEST(Convert, TheLargestMessagesFitTheirLimits) {
@@ -121,6 +140,12 @@ TEST(Convert, TheLargestMessagesFitTheirLimits) {
   advert.descriptor.resize(kMaxDescriptorBytes);
   EXPECT_LE(encode(advert).size(), kMaxRequestBytes);
   EXPECT_LE(encode(samples::keyframe(longest, longest, kMaxLandmarks)).size(), kMaxMessageBytes);
+  FullPeerKeyframe full{samples::keyframe(longest, longest, kMaxLandmarks), samples::filter(1, 78)};
+  ASSERT_EQ(full.filter.covariance.rows(), kMaxFilterDimension - 1);
+  EXPECT_LE(encode(full).size(), kMaxFullMessageBytes);
+  full.filter = samples::filter(40, 0);
+  ASSERT_EQ(full.filter.covariance.rows(), kMaxFilterDimension - 1);
+  EXPECT_LE(encode(full).size(), kMaxFullMessageBytes);
   const StatusSample status{samples::status(longest), std::vector<std::uint64_t>(kMaxHears, 1)};
   EXPECT_LE(encode(status).size(), kMaxStatusBytes);
   EXPECT_LE(encode(OdometrySample{longest, samples::odometry()}).size(), kMaxOdometryBytes);
