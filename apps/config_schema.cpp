@@ -154,6 +154,8 @@ void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {
 }
 
 void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
+  v.option("exchange", c.exchange, {"compact", "paper", "naive"},
+           "questions per keyframe and short answers; the paper's; every image to all");
   v.number("keyframe_baseline_over_depth", c.keyframe.baseline_over_depth, {1e-3, 10},
            "way since the last keyframe over mean depth");
   v.angle("keyframe_rotation_deg", c.keyframe.rotation, {0.1, 180},
@@ -166,7 +168,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.count("database_capacity", c.database.capacity, {1, 1e5}, "keyframes");
   v.count("database_protected_newest", c.database.protected_newest, {0, 1e5}, "keyframes");
   v.option("place_mode", c.place_mode, {"paper", "majority", "compact"},
-           "what a request says of a place: residuals of words OR-ed or voted, or short corners");
+           "what a request says of a place: residuals of words OR-ed or voted, or short corners; "
+           "of exchange 'compact', the others use paper");
   v.number("place_threshold", c.place_threshold, {0, 1},
            "least score that is answered; 0: what suits the mode");
   v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");

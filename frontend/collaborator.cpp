@@ -32,6 +32,15 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, doubl
           "need max_relative_sigma > 0 and matching_sigma_px >= 0");
 }
 
+// The paper's drones know places by its VLAD and answer whatever they know.
+CollaboratorConfig for_exchange(CollaboratorConfig config) {
+  if (config.exchange == ExchangeMode::kCompact) return config;
+  config.place_mode = PlaceMode::kPaper;
+  config.limiter.answer_interval_s = 0;
+  config.limiter.resend_interval_s = 0;
+  return config;
+}
+
 bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {
   return inverse_depth > 0 && inverse_depth_sigma >= 0 &&
          inverse_depth_sigma <= max_relative_sigma * inverse_depth;
@@ -139,6 +148,18 @@ NoMatchReason to_reason(VerificationFailure failure) {
 
 }  // namespace
 
+const char* to_string(ExchangeMode exchange) {
+  switch (exchange) {
+    case ExchangeMode::kCompact:
+      return "compact";
+    case ExchangeMode::kPaper:
+      return "paper";
+    case ExchangeMode::kNaive:
+      break;
+  }
+  return "naive";
+}
+
 const char* to_string(NoMatchReason reason) {
   switch (reason) {
     case NoMatchReason::kNotForUs:
@@ -159,14 +180,14 @@ const char* to_string(NoMatchReason reason) {
 
 Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
                            double focal_length_px)
-    : config_(config),
+    : config_(for_exchange(config)),
       vocabulary_(vocabulary),
-      vocabulary_hash_(vocabulary_hash(vocabulary, config.place_mode)),
+      vocabulary_hash_(vocabulary_hash(vocabulary, config_.place_mode)),
       place_threshold_(config.place_threshold > 0 ? config.place_threshold
-                                                  : default_threshold(config.place_mode)),
+                                                  : default_threshold(config_.place_mode)),
       focal_length_px_(focal_length_px),
       database_(config.database),
-      limiter_(config.limiter) {
+      limiter_(config_.limiter) {
   check(config, vocabulary, focal_length_px);
 }
 
@@ -180,6 +201,51 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
                                        const Eigen::Isometry3d& T_world_cam,
                                        const Matrix6d& covariance,
                                        const std::vector<TrackDepth>& depths) {
+  database_.add(make_keyframe(described, T_world_cam, covariance, depths));
+  ++report_.keyframes;
+  return advert_of(*database_.last());
+}
+
+PlaceAdvert Collaborator::add_frame(const TrackedFrame& described,
+                                    const Eigen::Isometry3d& T_world_cam,
+                                    const Matrix6d& covariance,
+                                    const std::vector<TrackDepth>& depths) {
+  recent_frames_.push_back(make_keyframe(described, T_world_cam, covariance, depths));
+  if (recent_frames_.size() > config_.recent_frames) recent_frames_.pop_front();
+  return advert_of(recent_frames_.back());
+}
+
+const Keyframe* Collaborator::newest_image() const {
+  const Keyframe* keyframe = database_.last();
+  if (recent_frames_.empty()) return keyframe;
+  const Keyframe& frame = recent_frames_.back();
+  return keyframe && keyframe->pose.keyframe_id > frame.pose.keyframe_id ? keyframe : &frame;
+}
+
+const Keyframe* Collaborator::find_image(std::uint64_t keyframe_id) const {
+  const auto frame =
+      std::find_if(recent_frames_.begin(), recent_frames_.end(),
+                   [&](const Keyframe& recent) { return recent.pose.keyframe_id == keyframe_id; });
+  return frame == recent_frames_.end() ? database_.find(keyframe_id) : &*frame;
+}
+
+std::optional<PeerKeyframe> Collaborator::announcement() const {
+  const Keyframe* newest = newest_image();
+  if (!newest) return std::nullopt;
+  const std::vector<KeyframeFeature> landmarks = landmarks_of(*newest);
+  if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) return std::nullopt;
+  return PeerKeyframe{config_.agent, "", 0, newest->pose, to_peer_landmarks(landmarks)};
+}
+
+PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
+  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_,
+          keyframe.place};
+}
+
+Keyframe Collaborator::make_keyframe(const TrackedFrame& described,
+                                     const Eigen::Isometry3d& T_world_cam,
+                                     const Matrix6d& covariance,
+                                     const std::vector<TrackDepth>& depths) {
   Keyframe keyframe;
   keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
   keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
@@ -197,11 +263,7 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
   }
   keyframe.place =
       describe_place(vocabulary_, config_.place_mode, descriptors_of(keyframe.features));
-  PlaceAdvert advert{config_.agent, keyframe.pose.keyframe_id, described.stamp_ns, vocabulary_hash_,
-                     keyframe.place};
-  database_.add(std::move(keyframe));
-  ++report_.keyframes;
-  return advert;
+  return keyframe;
 }
 
 std::vector<KeyframeMatch> Collaborator::revisit() {
@@ -359,11 +421,12 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyframe& message) const {
-  if (message.receiver != config_.agent || message.sender == config_.agent) {
+  const bool for_all = message.receiver.empty() && config_.exchange == ExchangeMode::kNaive;
+  if ((message.receiver != config_.agent && !for_all) || message.sender == config_.agent) {
     return NoMatch{NoMatchReason::kNotForUs};
   }
   if (!is_well_formed(message, config_.max_landmarks)) return NoMatch{NoMatchReason::kMalformed};
-  const Keyframe* own = database_.find(message.request_keyframe_id);
+  const Keyframe* own = for_all ? newest_image() : find_image(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
   return match_keyframes(*own, {message.sender, message.pose, {}, message.landmarks});

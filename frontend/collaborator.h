@@ -12,6 +12,9 @@
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
 //   on keyframe: std::visit(..., collaborator.match(keyframe));         // KeyframeMatch -> filter
 //
+// The exchanges of the paper ask or tell at the rate of the camera: there, images that are no
+// keyframes go into add_frame().
+//
 // Everything that comes from a peer is checked here again: a peer may be hostile. Not thread-safe.
 #pragma once
 
@@ -31,8 +34,18 @@
 
 namespace covey {
 
+// What drones tell each other, and when.
+enum class ExchangeMode : std::uint8_t {
+  kCompact,  // a question per keyframe; who has seen the place answers the asker, but not too often
+  kPaper,    // the paper's: a question per image, each about a known place is answered
+  kNaive,    // what the paper compares with: every image is told to all, nobody asks
+};
+
+[[nodiscard]] const char* to_string(ExchangeMode exchange);
+
 struct CollaboratorConfig {
   std::string agent = "uav0";  // own name
+  ExchangeMode exchange = ExchangeMode::kCompact;
 
   // Asking and storing.
   KeyframeRule keyframe;
@@ -43,13 +56,14 @@ struct CollaboratorConfig {
   double revisit_max_difference = 0.7;  // between the views: way over depth, plus angle (rad)
   int max_revisits = 4;                 // for one keyframe
   std::size_t remembered = 60;          // peers' keyframes, of about 5 kB
+  std::size_t recent_frames = 60;       // images that answers find, besides keyframes, of 14 kB
 
   // Answering.
-  PlaceMode place_mode = PlaceMode::kCompact;
-  double place_threshold = 0;  // least score that is answered; 0: default_threshold of the mode
-  AnswerLimiter::Config limiter;
-  int min_landmarks = 8;            // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 200;          // per message, sent and accepted
+  PlaceMode place_mode = PlaceMode::kCompact;  // of the compact exchange; others: kPaper
+  double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
+  AnswerLimiter::Config limiter;  // of the compact exchange
+  int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
+  int max_landmarks = 200;        // per message, sent and accepted
   double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
                                     // neither sent nor accepted
   // Matching.
@@ -110,6 +124,14 @@ class Collaborator {
   PlaceAdvert add_keyframe(const TrackedFrame& described, const Eigen::Isometry3d& T_world_cam,
                            const Matrix6d& covariance, const std::vector<TrackDepth>& depths);
 
+  // An image between two keyframes, for exchanges at the rate of the camera. Answers find it among
+  // the newest; nobody is answered with it.
+  PlaceAdvert add_frame(const TrackedFrame& described, const Eigen::Isometry3d& T_world_cam,
+                        const Matrix6d& covariance, const std::vector<TrackDepth>& depths);
+
+  // The newest image as every drone is told it (receiver empty). Nothing if it shows too little.
+  [[nodiscard]] std::optional<PeerKeyframe> announcement() const;
+
   // The newest keyframe against those that are here already, at no bytes: old ones of the own, and
   // what peers have answered before. Of each drone the one with the most similar view.
   [[nodiscard]] std::vector<KeyframeMatch> revisit();
@@ -117,7 +139,8 @@ class Collaborator {
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
-  // Pairs of own track and peer landmark, one to one.
+  // Pairs of own track and peer landmark, one to one: of the image that was asked about, or of the
+  // newest if the message is for all.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const PeerKeyframe& message);
 
   [[nodiscard]] const CollaboratorReport& report() const { return report_; }
@@ -129,6 +152,13 @@ class Collaborator {
     double score = 0;
   };
 
+  [[nodiscard]] Keyframe make_keyframe(const TrackedFrame& described,
+                                       const Eigen::Isometry3d& T_world_cam,
+                                       const Matrix6d& covariance,
+                                       const std::vector<TrackDepth>& depths);
+  [[nodiscard]] PlaceAdvert advert_of(const Keyframe& keyframe) const;
+  [[nodiscard]] const Keyframe* newest_image() const;
+  [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   // The counter of why an advert gets no answer, or null.
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
@@ -158,7 +188,8 @@ class Collaborator {
   TimeNs now_ns_ = 0;  // stamp of the newest own image
   std::uint64_t next_keyframe_id_ = 1;
   KeyframeDatabase database_;
-  std::deque<Sight> remembered_;  // of peers, in the order in which they came
+  std::deque<Keyframe> recent_frames_;  // no keyframes; oldest first
+  std::deque<Sight> remembered_;        // of peers, in the order in which they came
   AnswerLimiter limiter_;
   CollaboratorReport report_;
 };

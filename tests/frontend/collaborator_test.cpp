@@ -30,6 +30,15 @@ Collaborator make_drone(const std::string& name, PlaceMode mode = PlaceMode::kCo
   return Collaborator(config, visual_vocabulary(), kFocal);
 }
 
+Collaborator make_drone(const std::string& name, ExchangeMode exchange) {
+  CollaboratorConfig config;
+  config.agent = name;
+  config.exchange = exchange;
+  config.place_threshold = 0.1;
+  config.recent_frames = 3;
+  return Collaborator(config, visual_vocabulary(), kFocal);
+}
+
 Matrix6d pose_covariance() { return 1e-4 * Matrix6d::Identity(); }
 
 // The drone takes one keyframe of the scene and knows the depths of all it sees.
@@ -40,6 +49,15 @@ PlaceAdvert look(Collaborator& drone, const Scene& scene, const Eigen::Isometry3
   (void)drone.wants_keyframe(stamp_ns, T_world_cam);
   return drone.add_keyframe(view(scene, T_world_cam, stamp_ns, first_id, {}, seed + 1), T_world_cam,
                             pose_covariance(), depths(scene, T_world_cam, first_id, 0.003, seed));
+}
+
+// An image that is no keyframe.
+PlaceAdvert glance(Collaborator& drone, const Scene& scene, const Eigen::Isometry3d& T_world_cam,
+                   double seconds, std::uint64_t first_id) {
+  const TimeNs stamp_ns = nanoseconds(seconds);
+  const auto seed = static_cast<unsigned>(first_id);
+  return drone.add_frame(view(scene, T_world_cam, stamp_ns, first_id, {}, seed + 1), T_world_cam,
+                         pose_covariance(), depths(scene, T_world_cam, first_id, 0.003, seed));
 }
 
 NoMatchReason reason_of(const std::variant<KeyframeMatch, NoMatch>& result) {
@@ -100,6 +118,63 @@ TEST_P(Exchange, AdvertAnswerMatchGivesTheRightTrackPairs) {
 INSTANTIATE_TEST_SUITE_P(AllModes, Exchange,
                          ::testing::Values(PlaceMode::kPaper, PlaceMode::kMajority,
                                            PlaceMode::kCompact));
+
+TEST(Collaborator, InThePapersExchangeEveryQuestionIsAnsweredAndItsImageFound) {
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Collaborator asker = make_drone("uav0", ExchangeMode::kPaper);
+  Collaborator other = make_drone("uav1", ExchangeMode::kPaper);
+  look(other, scene, level_camera({0, 0, 0}), 1.0, kPeerIds);
+  look(asker, scene, level_camera({0.5, 1.4, 0.3}, 0.1), 3.0, kOwnIds);
+  for (int i = 0; i < 3; ++i) {
+    const PlaceAdvert advert = glance(asker, scene, level_camera({0.5, 1.5 + 0.1 * i, 0.3}, 0.1),
+                                      3.03 + 0.03 * i, kOwnIds);
+    EXPECT_EQ(advert.descriptor.size(), 2048u);
+    const std::optional<PeerKeyframe> answer = other.answer(advert);
+    ASSERT_TRUE(answer.has_value());
+    EXPECT_EQ(answer->request_keyframe_id, advert.keyframe_id);
+    const auto match = asker.match(*answer);
+    ASSERT_TRUE(std::holds_alternative<KeyframeMatch>(match));
+    EXPECT_EQ(std::get<KeyframeMatch>(match).own.keyframe_id, advert.keyframe_id);
+  }
+  EXPECT_EQ(asker.report().keyframes, 1);
+}
+
+TEST(Collaborator, OnlyTheNewestImagesAreFoundByAnswers) {
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Collaborator asker = make_drone("uav0", ExchangeMode::kPaper);
+  Collaborator other = make_drone("uav1", ExchangeMode::kPaper);
+  look(other, scene, level_camera({0, 0, 0}), 1.0, kPeerIds);
+  const Eigen::Isometry3d here = level_camera({0.5, 1.5, 0.3}, 0.1);
+  const PeerKeyframe answer = other.answer(glance(asker, scene, here, 3, kOwnIds)).value();
+  for (int i = 0; i < 2; ++i) glance(asker, scene, here, 3.03 + 0.03 * i, kOwnIds);
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(asker.match(answer)));
+  glance(asker, scene, here, 3.09, kOwnIds);
+  EXPECT_EQ(reason_of(asker.match(answer)), NoMatchReason::kUnknownRequest);
+}
+
+TEST(Collaborator, InTheNaiveExchangeTheNewestImagesOfBothAreMatched) {
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  Collaborator one = make_drone("uav0", ExchangeMode::kNaive);
+  Collaborator other = make_drone("uav1", ExchangeMode::kNaive);
+  EXPECT_FALSE(other.announcement().has_value());
+  look(other, scene, level_camera({0, 0, 0}), 3.0, kPeerIds);
+  glance(other, scene, level_camera({0, 0.1, 0}), 3.03, kPeerIds);
+  look(one, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 3.0, kOwnIds);
+  glance(one, scene, level_camera({0.5, 1.6, 0.3}, 0.1), 3.03, kOwnIds);
+
+  const std::optional<PeerKeyframe> told = other.announcement();
+  ASSERT_TRUE(told.has_value());
+  EXPECT_EQ(told->receiver, "");
+  const auto match = one.match(*told);
+  ASSERT_TRUE(std::holds_alternative<KeyframeMatch>(match));
+  EXPECT_EQ(std::get<KeyframeMatch>(match).own.stamp_ns, nanoseconds(3.03));
+  EXPECT_EQ(std::get<KeyframeMatch>(match).other.stamp_ns, nanoseconds(3.03));
+}
+
+TEST(Collaborator, InOtherExchangesWhatIsToldToAllIsNotForUs) {
+  Team team;
+  EXPECT_EQ(reason_of(team.uav0.match(team.uav1.announcement().value())), NoMatchReason::kNotForUs);
+}
 
 TEST(Collaborator, MatchSaysHowTheCamerasStandToEachOther) {
   Team team;
