@@ -34,8 +34,11 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, doubl
 
 // The paper's drones know places by its VLAD and answer whatever they know.
 CollaboratorConfig for_exchange(CollaboratorConfig config) {
+  // The paper does not tell its threshold. As high as leaves answers in the yard: they are large.
+  constexpr double kThreshold = 0.28;
   if (config.exchange == ExchangeMode::kCompact) return config;
   config.place_mode = PlaceMode::kPaper;
+  if (config.place_threshold == 0) config.place_threshold = kThreshold;
   config.limiter.answer_interval_s = 0;
   config.limiter.resend_interval_s = 0;
   return config;
@@ -183,8 +186,8 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
     : config_(for_exchange(config)),
       vocabulary_(vocabulary),
       vocabulary_hash_(vocabulary_hash(vocabulary, config_.place_mode)),
-      place_threshold_(config.place_threshold > 0 ? config.place_threshold
-                                                  : default_threshold(config_.place_mode)),
+      place_threshold_(config_.place_threshold > 0 ? config_.place_threshold
+                                                   : default_threshold(config_.place_mode)),
       focal_length_px_(focal_length_px),
       database_(config.database),
       limiter_(config_.limiter) {
