@@ -11,6 +11,7 @@
 
 #include "apps/grey_image.h"
 #include "apps/stop_signal.h"
+#include "comms/checks.h"
 
 namespace covey {
 namespace {
@@ -39,10 +40,25 @@ fs::path make_folder(const AgentSettings& agent) {
   return agent.out;
 }
 
+// Whether the whole filter fits into a message.
+void require_sendable(const EstimatorConfig& estimator) {
+  constexpr int kImuAndCalibration = 15 + 7;
+  const int states =
+      kImuAndCalibration + 6 * (estimator.max_clones + 1) + 3 * estimator.max_slam_features;
+  if (states <= kMaxFilterDimension) return;
+  throw std::runtime_error("a filter of up to " + std::to_string(states) +
+                           " states does not fit into the messages of exchanges 'paper' and "
+                           "'naive', which hold " +
+                           std::to_string(kMaxFilterDimension) +
+                           ": lower estimator.max_clones or estimator.max_slam_features");
+}
+
 std::optional<PeerLink> open_link(const AgentConfig& config) {
   if (config.agent.mode == FlightMode::kSolo) return std::nullopt;
   LinkConfig link = config.link;
   link.agent = config.agent.name;
+  link.full_messages = config.collaboration.exchange != ExchangeMode::kCompact;
+  if (link.full_messages) require_sendable(config.estimator);
   return PeerLink(link);
 }
 
@@ -55,6 +71,8 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
           return std::pair(message.stamp_ns, message.agent);
         } else if constexpr (std::is_same_v<Message, PeerKeyframe>) {
           return std::pair(message.pose.stamp_ns, message.sender);
+        } else if constexpr (std::is_same_v<Message, FullPeerKeyframe>) {
+          return std::pair(message.keyframe.pose.stamp_ns, message.keyframe.sender);
         } else {
           return std::pair(message.stamp_ns, message.sender);
         }
@@ -125,6 +143,7 @@ void Agent::feed_imu(TimeNs image_stamp_ns) {
 void Agent::publish(const ImageResult& result) {
   if (!link_) return;
   if (result.advert) link_->send(*result.advert);
+  if (result.announcement) link_->send(*result.announcement);
   if (result.odometry) link_->publish(*result.odometry);
   const TimeNs stamp_ns = result.timing.stamp_ns;
   if (last_status_ns_ == 0 || seconds_between(last_status_ns_, stamp_ns) >= kStatusInterval_s) {
@@ -181,7 +200,13 @@ void Agent::handle_messages() {
 }
 
 void Agent::handle(const PlaceAdvert& advert) {
-  if (const auto answer = pipeline_.answer(advert)) link_->send(*answer);
+  const auto answer = pipeline_.answer(advert);
+  if (!answer) return;
+  if (config_.collaboration.exchange == ExchangeMode::kCompact) {
+    link_->send(*answer);
+  } else {
+    link_->send(pipeline_.with_filter(*answer));
+  }
 }
 
 void Agent::handle(const PeerKeyframe& keyframe) {

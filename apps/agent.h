@@ -65,6 +65,7 @@ class Agent {
   void feed_imu(TimeNs image_stamp_ns);
   void handle(const PlaceAdvert& advert);
   void handle(const PeerKeyframe& keyframe);
+  void handle(const FullPeerKeyframe& message) { handle(message.keyframe); }
   void handle(const AgentStatus&) {}
   template <typename Peers>
   bool wait_for_peers(const Peers& peers, std::chrono::milliseconds patience);

@@ -154,6 +154,8 @@ void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {
 }
 
 void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
+  v.option("exchange", c.exchange, {"compact", "paper", "naive"},
+           "questions per keyframe and short answers; the paper's; every image to all");
   v.number("keyframe_baseline_over_depth", c.keyframe.baseline_over_depth, {1e-3, 10},
            "way since the last keyframe over mean depth");
   v.angle("keyframe_rotation_deg", c.keyframe.rotation, {0.1, 180},
@@ -166,7 +168,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.count("database_capacity", c.database.capacity, {1, 1e5}, "keyframes");
   v.count("database_protected_newest", c.database.protected_newest, {0, 1e5}, "keyframes");
   v.option("place_mode", c.place_mode, {"paper", "majority", "compact"},
-           "what a request says of a place: residuals of words OR-ed or voted, or short corners");
+           "what a request says of a place: residuals of words OR-ed or voted, or short corners; "
+           "of exchange 'compact', the others use paper");
   v.number("place_threshold", c.place_threshold, {0, 1},
            "least score that is answered; 0: what suits the mode");
   v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");
@@ -177,8 +180,20 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("revisit_max_difference", c.revisit_max_difference, {0, 10},
            "of a keyframe that is matched again: way over depth, plus angle in rad");
   v.count("max_revisits", c.max_revisits, {0, 100}, "for one keyframe");
-  v.count("min_landmarks", c.min_landmarks, {1, 1e4}, "in a message");
-  v.count("max_landmarks", c.max_landmarks, {1, 1e4}, "in a message");
+  v.count("min_landmarks", c.min_landmarks, {1, 256}, "in an answer");
+  v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
+  v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
+  v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");
+  v.number("aligned_sigma_px", c.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
+  v.count("images", c.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
+  v.number("depth_memory_s", c.depth_memory_s, {0, 1e3}, "[s] over which depths are measured");
+  v.count("max_landmarks", c.max_landmarks, {1, 256}, "in an answer");
+  v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
+  v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
+  v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");
+  v.number("aligned_sigma_px", c.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
+  v.count("images", c.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
+  v.number("depth_memory_s", c.depth_memory_s, {0, 1e3}, "[s] over which depths are measured");
   v.number("max_relative_sigma", c.max_relative_sigma, {1e-3, 10},
            "of landmarks that are sent or accepted, over their distance");
 }

@@ -91,8 +91,7 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
       estimator_(estimator_config(config, sensors), thread_cpu_ms) {
   status_.agent = config.agent.name;
   if (config.agent.mode == FlightMode::kCollaborative) {
-    const double focal_length_px = (sensors.camera.fx + sensors.camera.fy) / 2;
-    collaborator_.emplace(collaborator_config(config), visual_vocabulary(), focal_length_px);
+    collaborator_.emplace(collaborator_config(config), visual_vocabulary(), sensors.camera);
     if (config.fusion.mode == FusionMode::kJoint) {
       drift_.emplace(config.fusion.drift, config.agent.name);
     }
@@ -133,6 +132,12 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
     alone.stamp_ns = stamp_ns;  // the image's clock, which may be offset from the IMU's
     status_.status = alone.status;
     if (collaborator_) result.advert = keyframe(frame, alone, result.timing);
+    if (result.advert && config_.collaboration.exchange == ExchangeMode::kNaive) {
+      result.advert.reset();
+      if (auto newest = collaborator_->announcement()) {
+        result.announcement = {*std::move(newest), estimator_.snapshot()};
+      }
+    }
     result.odometry = drift_ ? drift_->corrected(alone) : alone;
     result.alone = alone;
   }
@@ -176,26 +181,46 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometr
                                               TimingRecord& timing) {
   const CameraExtrinsics extrinsics = estimator_.extrinsics();
   const Eigen::Isometry3d T_world_cam = camera_in_world(alone.pose, extrinsics);
-  if (alone.status != FilterStatus::kTracking ||
-      !collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam)) {
-    return std::nullopt;
-  }
+  if (alone.status != FilterStatus::kTracking) return std::nullopt;
+  const ExchangeMode exchange = config_.collaboration.exchange;
+  const bool wanted = collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam);
+  if (!wanted && exchange == ExchangeMode::kCompact) return std::nullopt;
   {
     const StageTimer timer(timing.describe_ms);
     tracker_.describe(frame, T_world_cam.linear());
+  }
+  if (!wanted) {
+    const StageTimer timer(timing.place_ms);
+    return collaborator_->add_frame(frame, tracker_.image(), T_world_cam,
+                                    camera_covariance(alone, extrinsics), estimator_.depths());
   }
   std::vector<KeyframeMatch> revisited;
   std::optional<PlaceAdvert> advert;
   {
     const StageTimer timer(timing.place_ms);
-    advert = collaborator_->add_keyframe(frame, T_world_cam, camera_covariance(alone, extrinsics),
-                                         estimator_.depths());
+    advert = collaborator_->add_keyframe(frame, tracker_.image(), T_world_cam,
+                                         camera_covariance(alone, extrinsics), estimator_.depths());
     if (drift_) drift_->add_own(collaborator_->database().last()->pose);
     if (drift_) revisited = collaborator_->revisit();
   }
+  if (exchange == ExchangeMode::kPaper) keep_filter(advert->keyframe_id);
   ++status_.keyframes;
   for (const KeyframeMatch& match : revisited) (void)fuse(match);
   return advert;
+}
+
+// As long as the keyframe may be an answer.
+void Pipeline::keep_filter(std::uint64_t keyframe_id) {
+  filters_[keyframe_id] = estimator_.snapshot();
+  for (auto kept = filters_.begin(); kept != filters_.end();) {
+    const bool gone = collaborator_->database().find(kept->first) == nullptr;
+    kept = gone ? filters_.erase(kept) : std::next(kept);
+  }
+}
+
+FullPeerKeyframe Pipeline::with_filter(PeerKeyframe answer) const {
+  const FilterSnapshot& filter = filters_.at(answer.pose.keyframe_id);
+  return {std::move(answer), filter};
 }
 
 std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {

@@ -4,6 +4,8 @@
 // go in; odometry and what is to be sent come out. Not thread-safe; same input, same output.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -33,7 +35,8 @@ struct SensorSetup {
 struct ImageResult {
   std::optional<Odometry> odometry;   // once started; with what the team knows
   std::optional<Odometry> alone;      // the same without it
-  std::optional<PlaceAdvert> advert;  // at keyframes, when flying together
+  std::optional<PlaceAdvert> advert;  // what to ask, when flying together: at keyframes, or always
+  std::optional<FullPeerKeyframe> announcement;  // for all, in the naive exchange
   UpdateReport update;
   std::int64_t tracks_begun = 0;
   TimingRecord timing;  // without what happens outside: reading, the total
@@ -55,6 +58,8 @@ class Pipeline {
   // What peers send; only when flying together.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
   PeerOutcome fuse(const PeerKeyframe& message);
+  // An answer of the paper's exchange.
+  [[nodiscard]] FullPeerKeyframe with_filter(PeerKeyframe answer) const;
 
   [[nodiscard]] bool started() const { return start_ns_.has_value(); }
   [[nodiscard]] std::optional<TimeNs> start_ns() const { return start_ns_; }
@@ -72,6 +77,7 @@ class Pipeline {
   // `alone`: what the odometry says that peers hear.
   [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& alone,
                                                     TimingRecord& timing);
+  void keep_filter(std::uint64_t keyframe_id);
   PeerOutcome fuse(const KeyframeMatch& match);
 
   AgentConfig config_;
@@ -79,7 +85,8 @@ class Pipeline {
   Tracker tracker_;
   Estimator estimator_;
   std::optional<Collaborator> collaborator_;
-  std::optional<DriftFilter> drift_;  // unless peers are fused in the estimator
+  std::optional<DriftFilter> drift_;                 // unless peers are fused in the estimator
+  std::map<std::uint64_t, FilterSnapshot> filters_;  // at the keyframes, in the paper's exchange
   std::vector<ImuSample> recent_imu_;
   std::optional<TimeNs> previous_image_ns_, start_ns_;
   TimingRecord peer_work_;  // since the last image

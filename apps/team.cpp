@@ -325,6 +325,7 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
   config.agent.dataset = std::filesystem::absolute(drone.mav0).string();
   config.agent.out = (std::filesystem::absolute(options.out) / drone.name).string();
   config.agent.mode = options.mode;
+  config.collaboration.exchange = options.exchange;
   config.agent.pace = options.pace;
   // Alone, nothing depends on how fast the others are.
   if (options.pace == Pace::kLockstep && options.mode == FlightMode::kSolo) {

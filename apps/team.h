@@ -19,6 +19,7 @@ struct TeamOptions {
   std::vector<DroneFolder> drones;
   std::filesystem::path out;
   FlightMode mode = FlightMode::kCollaborative;
+  ExchangeMode exchange = ExchangeMode::kCompact;
   InitMethod init = InitMethod::kGroundTruth;
   Pace pace = Pace::kLockstep;
   double real_time_factor = 1;  // for Pace::kRate

@@ -71,6 +71,11 @@ InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>&
   return all_known ? InitMethod::kGroundTruth : InitMethod::kStatic;
 }
 
+ExchangeMode chosen_exchange(const std::string& exchange) {
+  if (exchange == "paper") return ExchangeMode::kPaper;
+  return exchange == "naive" ? ExchangeMode::kNaive : ExchangeMode::kCompact;
+}
+
 void choose_pace(const std::string& pace, TeamOptions& team) {
   if (pace == "lockstep") return;
   char* end = nullptr;
@@ -136,6 +141,7 @@ TeamOptions team_options(const Options& options) {
   team.drones = chosen_drones(options);
   team.out = options.out.empty() ? default_run(options) : fs::path(options.out);
   team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
+  team.exchange = chosen_exchange(options.exchange);
   team.init = chosen_start(options.init, team.drones);
   choose_pace(options.pace, team);
   if (!options.config_file.empty()) {
@@ -215,10 +221,6 @@ void fail_if_incomplete(const FlightResult& flight, const fs::path& run) {
 }
 
 void run(const Options& options) {
-  if (options.exchange != "compact") {
-    throw std::runtime_error("--exchange " + options.exchange +
-                             " does not exist yet: compact is the one that works");
-  }
   const TeamOptions team = team_options(options);
   prepare_run(team.out, options.force);
   catch_stop_signals();
@@ -259,7 +261,12 @@ void add_team_command(CLI::App& covey) {
   command->add_option("--mode", options->mode, "Together, or each for itself")
       ->check(CLI::IsMember({"collaborative", "solo"}))
       ->capture_default_str();
-  command->add_option("--exchange", options->exchange, "What the drones tell each other")
+  command
+      ->add_option(
+          "--exchange", options->exchange,
+          "What the drones tell each other: a question per keyframe and short answers; the "
+          "paper's question per image and answers with the whole filter; or the whole "
+          "filter to all at every image")
       ->check(CLI::IsMember({"compact", "paper", "naive"}))
       ->capture_default_str();
   command

@@ -138,7 +138,7 @@ RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight
   RunSummary run;
   run.dataset = dataset_name;
   run.mode = options.mode == FlightMode::kSolo ? "solo" : "collaborative";
-  if (options.mode == FlightMode::kCollaborative) run.exchange = "compact";
+  if (options.mode == FlightMode::kCollaborative) run.exchange = to_string(options.exchange);
   run.init = options.init == InitMethod::kStatic ? "static" : "groundtruth";
   if (flight.elapsed_s > 0) run.real_time_factor = flight.recorded_s / flight.elapsed_s;
   for (const DroneFolder& drone : options.drones) {

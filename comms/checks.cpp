@@ -9,6 +9,7 @@ namespace covey {
 namespace {
 
 constexpr double kUnitTolerance = 1e-3;  // of a quaternion's norm
+constexpr double kMaxStateValue = 1e6;   // SI units, whatever it is
 
 template <typename Derived>
 bool within(const Eigen::MatrixBase<Derived>& values, double limit) {
@@ -49,6 +50,55 @@ Problem problem_with(const KeyframePose& pose) {
   return {};
 }
 
+// All but the receiver.
+Problem problem_with_content(const PeerKeyframe& keyframe) {
+  if (!is_agent_name(keyframe.sender)) return "sender is not a drone's name";
+  for (const KeyframePose& pose : {keyframe.pose, keyframe.before}) {
+    if (const Problem problem = problem_with(pose)) return problem;
+  }
+  // Written so that NaN fails too.
+  if (!(keyframe.patch_spacing >= 0 && keyframe.patch_spacing <= kMaxPatchSpacing))
+    return "patch spacing not plausible";
+  if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
+  for (const PeerLandmark& landmark : keyframe.landmarks)
+    if (const Problem problem = problem_with(landmark)) return problem;
+  return {};
+}
+
+bool are_unit(const Eigen::VectorXd& state, Eigen::Index first_clone, Eigen::Index clones) {
+  const auto unit = [&](Eigen::Index at) {
+    return is_unit(Eigen::Quaterniond(state.segment<4>(at).data()));
+  };
+  bool good = unit(6) && unit(19);  // q_world_imu, q_imu_cam
+  for (Eigen::Index i = 0; i < clones; ++i) good = good && unit(first_clone + 7 * i + 3);
+  return good;
+}
+
+Problem problem_with(const FilterSnapshot& filter) {
+  constexpr Eigen::Index kFirstClone = 24;
+  if (!is_stamp(filter.stamp_ns)) return "stamp not plausible";
+  const Eigen::Index rows = filter.covariance.rows();
+  if (rows != filter.covariance.cols()) return "covariance of the filter is not square";
+  if (rows > kMaxFilterDimension) return "filter too large";
+  const auto landmarks = static_cast<Eigen::Index>(filter.landmark_tracks.size());
+  const Eigen::Index of_clones = filter.state.size() - kFirstClone - 3 * landmarks;
+  const Eigen::Index clones = of_clones / 7;
+  const Eigen::Index calibration = rows - 15 - 6 * clones - 3 * landmarks;
+  if (of_clones < 0 || of_clones % 7 != 0 ||
+      filter.landmark_anchors.size() != filter.landmark_tracks.size() ||
+      (calibration != 0 && calibration != 1 && calibration != 6 && calibration != 7))
+    return "sizes in the filter do not fit together";
+  for (const std::uint8_t anchor : filter.landmark_anchors)
+    if (anchor >= clones) return "landmark without an anchor";
+  if (!within(filter.state, kMaxStateValue)) return "state of the filter not plausible";
+  if (!are_unit(filter.state, kFirstClone, clones)) return "attitude is not a unit quaternion";
+  // Whether it is positive definite would take milliseconds; nobody inverts it.
+  if (!filter.covariance.allFinite() || filter.covariance != filter.covariance.transpose() ||
+      filter.covariance.diagonal().minCoeff() <= 0)
+    return "covariance of the filter not plausible";
+  return {};
+}
+
 }  // namespace
 
 bool is_agent_name(const std::string& name) {
@@ -72,13 +122,15 @@ Problem problem_with(const PlaceAdvert& advert) {
 }
 
 Problem problem_with(const PeerKeyframe& keyframe) {
-  if (!is_agent_name(keyframe.sender)) return "sender is not a drone's name";
   if (!is_agent_name(keyframe.receiver)) return "receiver is not a drone's name";
-  if (const Problem problem = problem_with(keyframe.pose)) return problem;
-  if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
-  for (const PeerLandmark& landmark : keyframe.landmarks)
-    if (const Problem problem = problem_with(landmark)) return problem;
-  return {};
+  return problem_with_content(keyframe);
+}
+
+Problem problem_with(const FullPeerKeyframe& message) {
+  const std::string& receiver = message.keyframe.receiver;
+  if (!receiver.empty() && !is_agent_name(receiver)) return "receiver is not a drone's name";
+  if (const Problem problem = problem_with_content(message.keyframe)) return problem;
+  return problem_with(message.filter);
 }
 
 Problem problem_with(const AgentStatus& status) {

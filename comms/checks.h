@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -16,10 +17,12 @@ inline constexpr std::size_t kMaxNameLength = 32;
 inline constexpr std::size_t kMaxDescriptorBytes = 4096;  // as in idl/covey.idl
 inline constexpr std::size_t kMaxLandmarks = 256;         // as in idl/covey.idl
 inline constexpr std::size_t kMaxHears = 64;              // as in idl/covey.idl
+inline constexpr int kMaxFilterDimension = 256;  // error states: idl/covey.idl has room for no more
 
 // Plausible magnitudes: far beyond what a drone does, near enough that arithmetic stays sane.
 inline constexpr TimeNs kMaxStampNs = 4'000'000'000'000'000'000;  // differences cannot overflow
-inline constexpr double kMaxBearing = 3.99;  // tangent: 76 degrees off the optical axis
+inline constexpr double kMaxBearing = 3.99;      // tangent: 76 degrees off the optical axis
+inline constexpr double kMaxPatchSpacing = 0.1;  // normalised plane
 inline constexpr double kMinInverseDepth = 1.0 / 65536, kMaxInverseDepth = 65535;  // 1/m
 inline constexpr double kMaxPosition = 1e5;                                        // m
 inline constexpr double kMaxSpeed = 200.0;                                         // m/s
@@ -37,6 +40,7 @@ inline constexpr double kMaxSigma = 1e4;                                        
 using Problem = std::optional<std::string>;
 [[nodiscard]] Problem problem_with(const PlaceAdvert& advert);
 [[nodiscard]] Problem problem_with(const PeerKeyframe& keyframe);
+[[nodiscard]] Problem problem_with(const FullPeerKeyframe& message);
 [[nodiscard]] Problem problem_with(const AgentStatus& status);
 [[nodiscard]] Problem problem_with(const Odometry& odometry);
 

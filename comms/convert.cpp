@@ -151,6 +151,9 @@ void append(const PeerLandmark& landmark, wire::MessageUAV& out) {
   const double sigma = std::max(kLeastSigma, landmark.inverse_depth_sigma / landmark.inverse_depth);
   out.depth_sigmas().push_back(
       clamped<std::uint8_t>(std::ceil((std::log2(sigma) + kSigmaOctaves) * kSigmaSteps)));
+  if (out.patch_spacing() > 0) {
+    out.patches().insert(out.patches().end(), landmark.patch.begin(), landmark.patch.end());
+  }
 }
 
 std::vector<PeerLandmark> landmarks_of(const wire::MessageUAV& message) {
@@ -164,8 +167,16 @@ std::vector<PeerLandmark> landmarks_of(const wire::MessageUAV& message) {
     out.inverse_depth = std::exp2(message.inverse_depths()[i] / kDepthSteps - kDepthOctaves);
     out.inverse_depth_sigma =
         out.inverse_depth * std::exp2(message.depth_sigmas()[i] / kSigmaSteps - kSigmaOctaves);
+    if (!message.patches().empty()) {
+      std::copy_n(&message.patches()[out.patch.size() * i], out.patch.size(), out.patch.begin());
+    }
   }
   return landmarks;
+}
+
+// Rounded down.
+Eigen::Index square_root(std::size_t value) {
+  return static_cast<Eigen::Index>(std::sqrt(static_cast<double>(value)));
 }
 
 PlaceAdvert from_wire(const wire::RequestUAV& request) {
@@ -178,17 +189,40 @@ PlaceAdvert from_wire(const wire::RequestUAV& request) {
   return out;
 }
 
+KeyframePose from_wire(const wire::CameraPose& pose) {
+  KeyframePose out;
+  out.keyframe_id = pose.keyframe_id();
+  out.stamp_ns = pose.stamp_ns();
+  out.T_world_cam.linear() = to_quaternion(pose.q_world_cam_xyzw()).toRotationMatrix();
+  out.T_world_cam.translation() = to_vector(pose.p_world_cam());
+  out.covariance = symmetric<6>(pose.covariance());
+  return out;
+}
+
 PeerKeyframe from_wire(const wire::MessageUAV& message) {
   PeerKeyframe out;
   out.sender = message.sender().to_string();
   out.receiver = message.receiver().to_string();
   out.request_keyframe_id = message.request_keyframe_id();
-  out.pose.keyframe_id = message.keyframe_id();
-  out.pose.stamp_ns = message.stamp_ns();
-  out.pose.T_world_cam.linear() = to_quaternion(message.q_world_cam_xyzw()).toRotationMatrix();
-  out.pose.T_world_cam.translation() = to_vector(message.p_world_cam());
-  out.pose.covariance = symmetric<6>(message.pose_covariance());
+  out.pose = from_wire(message.keyframe());
+  out.before = from_wire(message.before());
+  out.patch_spacing = message.patch_spacing();
   out.landmarks = landmarks_of(message);
+  return out;
+}
+
+FullPeerKeyframe from_wire(const wire::FullMessageUAV& full) {
+  FullPeerKeyframe out;
+  out.keyframe = from_wire(full.message());
+  FilterSnapshot& filter = out.filter;
+  filter.stamp_ns = full.filter_stamp_ns();
+  filter.state = Eigen::Map<const Eigen::VectorXd>(full.state().data(),
+                                                   static_cast<Eigen::Index>(full.state().size()));
+  filter.landmark_tracks = full.landmark_tracks();
+  filter.landmark_anchors = full.landmark_anchors();
+  const Eigen::Index size = square_root(full.covariance().size());
+  filter.covariance =
+      Eigen::Map<const Eigen::MatrixXd>(full.covariance().data(), size, size).transpose();
   return out;
 }
 
@@ -234,20 +268,49 @@ Bytes encode(const PlaceAdvert& advert) {
   return serialize(out);
 }
 
-Bytes encode(const PeerKeyframe& keyframe) {
-  assert(!problem_with(keyframe));
+namespace {
+
+wire::CameraPose to_wire(const KeyframePose& pose) {
+  wire::CameraPose out;
+  out.keyframe_id(pose.keyframe_id);
+  out.stamp_ns(pose.stamp_ns);
+  out.p_world_cam(to_array<double, 3>(pose.T_world_cam.translation()));
+  out.q_world_cam_xyzw(to_array<float, 4>(Eigen::Quaterniond(pose.T_world_cam.linear()).coeffs()));
+  out.covariance(upper_triangle<6>(pose.covariance));
+  return out;
+}
+
+wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   wire::MessageUAV out;
   out.version(kWireVersion);
   out.sender(keyframe.sender);
   out.receiver(keyframe.receiver);
   out.request_keyframe_id(keyframe.request_keyframe_id);
-  out.keyframe_id(keyframe.pose.keyframe_id);
-  out.stamp_ns(keyframe.pose.stamp_ns);
-  out.p_world_cam(to_array<double, 3>(keyframe.pose.T_world_cam.translation()));
-  const Eigen::Quaterniond q_world_cam(keyframe.pose.T_world_cam.linear());
-  out.q_world_cam_xyzw(to_array<float, 4>(q_world_cam.coeffs()));
-  out.pose_covariance(upper_triangle<6>(keyframe.pose.covariance));
+  out.keyframe(to_wire(keyframe.pose));
+  out.before(to_wire(keyframe.before));
+  out.patch_spacing(static_cast<float>(keyframe.patch_spacing));
   for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, out);
+  return out;
+}
+
+}  // namespace
+
+Bytes encode(const PeerKeyframe& keyframe) {
+  assert(!problem_with(keyframe));
+  return serialize(to_wire(keyframe));
+}
+
+Bytes encode(const FullPeerKeyframe& message) {
+  assert(!problem_with(message));
+  const FilterSnapshot& filter = message.filter;
+  wire::FullMessageUAV out;
+  out.message(to_wire(message.keyframe));
+  out.filter_stamp_ns(filter.stamp_ns);
+  out.state({filter.state.begin(), filter.state.end()});
+  out.landmark_tracks(filter.landmark_tracks);
+  out.landmark_anchors(filter.landmark_anchors);
+  // Symmetric: by columns or by rows is the same.
+  out.covariance({filter.covariance.data(), filter.covariance.data() + filter.covariance.size()});
   return serialize(out);
 }
 
@@ -295,12 +358,23 @@ Problem problem_on_wire(const Wire& /*any other*/) {
 Problem problem_on_wire(const wire::MessageUAV& message) {
   const std::size_t count = message.inverse_depths().size();
   if (message.descriptors().size() != std::tuple_size_v<ShortDescriptor> * count ||
-      message.bearings().size() != 2 * count || message.depth_sigmas().size() != count) {
+      message.bearings().size() != 2 * count || message.depth_sigmas().size() != count ||
+      message.patches().size() !=
+          (message.patch_spacing() > 0 ? std::tuple_size_v<LandmarkPatch> * count : 0)) {
     return "landmark lists of different lengths";
   }
-  if (!is_unit(to_quaternion(message.q_world_cam_xyzw())))
-    return "attitude is not a unit quaternion";
+  for (const wire::CameraPose& pose : {message.keyframe(), message.before()}) {
+    if (!is_unit(to_quaternion(pose.q_world_cam_xyzw())))
+      return "attitude is not a unit quaternion";
+  }
   return {};
+}
+
+Problem problem_on_wire(const wire::FullMessageUAV& full) {
+  const std::size_t size = full.covariance().size();
+  const auto root = static_cast<std::size_t>(square_root(size));
+  if (size == 0 || root * root != size) return "covariance of the filter is not square";
+  return problem_on_wire(full.message());
 }
 
 Problem problem_with(const StatusSample& sample) {
@@ -333,6 +407,10 @@ Decoded<PlaceAdvert> decode_place_advert(const Bytes& bytes) {
 
 Decoded<PeerKeyframe> decode_peer_keyframe(const Bytes& bytes) {
   return decode<wire::MessageUAV>(bytes, kMaxMessageBytes);
+}
+
+Decoded<FullPeerKeyframe> decode_full_keyframe(const Bytes& bytes) {
+  return decode<wire::FullMessageUAV>(bytes, kMaxFullMessageBytes);
 }
 
 Decoded<StatusSample> decode_status(const Bytes& bytes) {

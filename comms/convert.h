@@ -14,6 +14,7 @@
 #include <variant>
 #include <vector>
 
+#include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -24,7 +25,8 @@ inline constexpr std::uint8_t kWireVersion = 2;
 
 // Largest samples that are sent or accepted, bytes: the bounds of idl/covey.idl, rounded up.
 inline constexpr std::size_t kMaxRequestBytes = 4352;
-inline constexpr std::size_t kMaxMessageBytes = 6400;
+inline constexpr std::size_t kMaxMessageBytes = 14848;
+inline constexpr std::size_t kMaxFullMessageBytes = 545'000;
 inline constexpr std::size_t kMaxStatusBytes = 768;
 inline constexpr std::size_t kMaxOdometryBytes = 384;
 
@@ -48,11 +50,13 @@ struct OdometrySample {
 // The argument must have passed problem_with() (checks.h).
 [[nodiscard]] Bytes encode(const PlaceAdvert& advert);
 [[nodiscard]] Bytes encode(const PeerKeyframe& keyframe);
+[[nodiscard]] Bytes encode(const FullPeerKeyframe& message);
 [[nodiscard]] Bytes encode(const StatusSample& sample);
 [[nodiscard]] Bytes encode(const OdometrySample& sample);
 
 [[nodiscard]] Decoded<PlaceAdvert> decode_place_advert(const Bytes& bytes);
 [[nodiscard]] Decoded<PeerKeyframe> decode_peer_keyframe(const Bytes& bytes);
+[[nodiscard]] Decoded<FullPeerKeyframe> decode_full_keyframe(const Bytes& bytes);
 [[nodiscard]] Decoded<StatusSample> decode_status(const Bytes& bytes);
 [[nodiscard]] Decoded<OdometrySample> decode_odometry(const Bytes& bytes);
 

@@ -18,6 +18,8 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::rtps::SenderResource;
 
+constexpr std::uint64_t kHeaderBytes = 20 + 8;  // IPv4 without options, UDP
+
 // A walk over destinations that remembers how many datagrams it made: one for each destination.
 class CountedWalk : public LocatorsIterator {
  public:
@@ -56,13 +58,13 @@ class CountingTransport : public ChainingTransport {
     const bool first = first_socket_.compare_exchange_strong(nobody, below) || nobody == below;
     CountedWalk walk(*begin, !first);
     const bool sent = below->send(buffer, size, &walk, end, timeout);
-    descriptor_.counters->bytes_sent += walk.datagrams() * size;
+    descriptor_.counters->bytes_sent += walk.datagrams() * (kHeaderBytes + size);
     return sent;
   }
 
   void receive(TransportReceiverInterface* next, const eprosima::fastrtps::rtps::octet* buffer,
                std::uint32_t size, const Locator_t& local, const Locator_t& remote) override {
-    descriptor_.counters->bytes_received += size;
+    descriptor_.counters->bytes_received += kHeaderBytes + size;
     next->OnDataReceived(buffer, size, local, remote);
   }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Counts what really goes over the wire: every UDP payload of this process, with discovery,
-// heartbeats and repair. It passes everything on to the transport below.
+// Counts what really goes over the wire: every packet of this process, with discovery, heartbeats
+// and repair, from the IPv4 header on. It passes everything on to the transport below.
 #pragma once
 
 #include <fastdds/rtps/transport/ChainingTransportDescriptor.h>

@@ -17,6 +17,9 @@ bool same(const AgentStatus& a, const AgentStatus& b) {
          a.frames == b.frames && a.tracks == b.tracks && a.keyframes == b.keyframes;
 }
 
+const PeerKeyframe& keyframe_of(const PeerKeyframe& message) { return message; }
+const PeerKeyframe& keyframe_of(const FullPeerKeyframe& message) { return message.keyframe; }
+
 }  // namespace
 
 LinkState::LinkState(std::string agent, std::size_t inbox_limit)
@@ -40,7 +43,9 @@ void LinkState::receive(Kind kind, const Bytes& bytes, const PeerId& from) {
     case Kind::kRequest:
       return receive_request(bytes, from);
     case Kind::kMessage:
-      return receive_message(bytes, from);
+      return receive_message(decode_peer_keyframe(bytes), bytes.size(), from);
+    case Kind::kFullMessage:
+      return receive_message(decode_full_keyframe(bytes), bytes.size(), from);
     case Kind::kStatus:
       return receive_status(bytes, from);
     case Kind::kOdometry:
@@ -61,18 +66,21 @@ void LinkState::receive_request(const Bytes& bytes, const PeerId& from) {
   changed_.notify_all();
 }
 
-void LinkState::receive_message(const Bytes& bytes, const PeerId& from) {
-  Decoded<PeerKeyframe> decoded = decode_peer_keyframe(bytes);
+template <typename Message>
+void LinkState::receive_message(Decoded<Message> decoded, std::size_t bytes, const PeerId& from) {
   const std::lock_guard lock(mutex_);
   ++arrived_.messages;
-  if (const auto* rejected = std::get_if<Rejected>(&decoded))
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
     reject_locked(from, rejected->reason);
-  else if (std::get<PeerKeyframe>(decoded).sender == agent_)
-    reject_locked(from, "another drone bears this drone's name");
-  else if (std::get<PeerKeyframe>(decoded).receiver != agent_)
-    reject_locked(from, "meant for another drone");
-  else
-    accept(&statistics_.message, bytes.size(), std::get<PeerKeyframe>(std::move(decoded)));
+  } else {
+    const PeerKeyframe& keyframe = keyframe_of(std::get<Message>(decoded));
+    if (keyframe.sender == agent_)
+      reject_locked(from, "another drone bears this drone's name");
+    else if (keyframe.receiver != agent_ && !keyframe.receiver.empty())
+      reject_locked(from, "meant for another drone");
+    else
+      accept(&statistics_.message, bytes, std::get<Message>(std::move(decoded)));
+  }
   changed_.notify_all();
 }
 
@@ -177,6 +185,7 @@ KindStatistics& LinkState::statistics_of(Kind kind) {
     case Kind::kRequest:
       return statistics_.request;
     case Kind::kMessage:
+    case Kind::kFullMessage:
       return statistics_.message;
     case Kind::kStatus:
       return statistics_.status;

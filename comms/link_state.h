@@ -22,7 +22,7 @@
 
 namespace covey {
 
-enum class Kind : std::uint8_t { kRequest, kMessage, kStatus, kOdometry };
+enum class Kind : std::uint8_t { kRequest, kMessage, kFullMessage, kStatus, kOdometry };
 
 class LinkState {
  public:
@@ -66,7 +66,8 @@ class LinkState {
  private:
   [[nodiscard]] bool is_own(const PeerId& id) const;
   void receive_request(const Bytes& bytes, const PeerId& from);
-  void receive_message(const Bytes& bytes, const PeerId& from);
+  template <typename Message>
+  void receive_message(Decoded<Message> decoded, std::size_t bytes, const PeerId& from);
   void receive_status(const Bytes& bytes, const PeerId& from);
   void accept(KindStatistics* kind, std::size_t bytes, Inbound inbound);
   void reject_locked(const PeerId& from, const std::string& reason);

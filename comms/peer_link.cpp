@@ -40,6 +40,8 @@ const char* type_name(Kind kind) {
       return "covey::wire::RequestUAV";
     case Kind::kMessage:
       return "covey::wire::MessageUAV";
+    case Kind::kFullMessage:
+      return "covey::wire::FullMessageUAV";
     case Kind::kStatus:
       return "covey::wire::AgentStatus";
     case Kind::kOdometry:
@@ -54,6 +56,8 @@ std::size_t max_bytes(Kind kind) {
       return kMaxRequestBytes;
     case Kind::kMessage:
       return kMaxMessageBytes;
+    case Kind::kFullMessage:
+      return kMaxFullMessageBytes;
     case Kind::kStatus:
       return kMaxStatusBytes;
     case Kind::kOdometry:
@@ -85,6 +89,7 @@ class PeerLink::Impl {
 
   bool send(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& keyframe);
+  bool send(const FullPeerKeyframe& message);
   bool publish(const Odometry& odometry);
   bool publish(const AgentStatus& status);
   bool flush(milliseconds timeout);
@@ -107,9 +112,13 @@ class PeerLink::Impl {
   template <typename Message>
   bool may_send(Kind kind, const Message& message, const std::string& sender);
   bool write(Kind kind, dds::DataWriter* writer, Bytes bytes);
+  bool put(Kind kind, dds::DataWriter* writer, ByteSample& sample);
+  bool send_message(Kind kind, const std::set<std::string>& receivers, Bytes bytes);
+  [[nodiscard]] std::set<std::string> everybody() const;
   bool publish_status();
 
   const LinkConfig config_;
+  const Kind message_kind_;
   LinkState state_;
   const std::shared_ptr<WireCounters> wire_ = std::make_shared<WireCounters>();
 
@@ -119,7 +128,7 @@ class PeerLink::Impl {
   WriterEvents message_written_{state_, Channel::kMessageOut};
   WriterEvents status_written_{state_, Channel::kStatusOut};
   ReaderEvents request_read_{state_, Kind::kRequest, Channel::kRequestIn};
-  ReaderEvents message_read_{state_, Kind::kMessage, Channel::kMessageIn};
+  ReaderEvents message_read_{state_, message_kind_, Channel::kMessageIn};
   ReaderEvents status_read_{state_, Kind::kStatus, Channel::kStatusIn};
   std::unique_ptr<dds::DomainParticipant, ParticipantDeleter> participant_;
   // Owned by the participant.
@@ -140,8 +149,9 @@ class PeerLink::Impl {
 
 PeerLink::Impl::Impl(const LinkConfig& config)
     : config_((check(config), config)),
+      message_kind_(config.full_messages ? Kind::kFullMessage : Kind::kMessage),
       state_(config.agent, config.inbox_limit),
-      discovery_events_(state_, topic_name(Kind::kMessage)) {
+      discovery_events_(state_, topic_name(message_kind_)) {
   status_.agent = config_.agent;
   create_participant();
   register_types();
@@ -150,7 +160,7 @@ PeerLink::Impl::Impl(const LinkConfig& config)
   odometry_writer_ = create_writer(Kind::kOdometry, nullptr);  // who listens is not our affair
   create_reader(Kind::kStatus, &status_read_);
   create_reader(Kind::kRequest, &request_read_);
-  create_reader(Kind::kMessage, &message_read_, config_.agent);
+  create_reader(message_kind_, &message_read_, config_.agent);
   publish_status();
   housekeeper_ = std::thread([this] { keep_house(); });
 }
@@ -186,6 +196,8 @@ std::string PeerLink::Impl::topic_name(Kind kind, const std::string& receiver) c
       return team + "/request";
     case Kind::kMessage:
       return team + "/message/" + receiver;
+    case Kind::kFullMessage:
+      return team + "/full_message/" + receiver;
     case Kind::kStatus:
       return team + "/status";
     case Kind::kOdometry:
@@ -213,7 +225,7 @@ void PeerLink::Impl::create_participant() {
 }
 
 void PeerLink::Impl::register_types() {
-  for (const Kind kind : {Kind::kRequest, Kind::kMessage, Kind::kStatus, Kind::kOdometry}) {
+  for (const Kind kind : {Kind::kRequest, message_kind_, Kind::kStatus, Kind::kOdometry}) {
     const dds::TypeSupport type(new ByteType(type_name(kind), max_bytes(kind)));
     require(type.register_type(participant_.get()) == ReturnCode_t::RETCODE_OK,
             std::string("cannot register DDS type ") + type_name(kind));
@@ -264,9 +276,9 @@ void PeerLink::Impl::create_answer_writers(const std::set<std::string>& names) {
     const bool full = answer_writers_.size() + 1 >= static_cast<std::size_t>(config_.max_agents);
     if (name == config_.agent || full || answer_writers_.count(name) > 0) continue;
     try {
-      answer_writers_[name] = create_writer(Kind::kMessage, &message_written_, name);
+      answer_writers_[name] = create_writer(message_kind_, &message_written_, name);
     } catch (const std::exception&) {
-      state_.count_refused(Kind::kMessage, "no answer topic for a peer: out of memory");
+      state_.count_refused(message_kind_, "no answer topic for a peer: out of memory");
     }
   }
 }
@@ -287,12 +299,44 @@ bool PeerLink::Impl::may_send(Kind kind, const Message& message, const std::stri
 
 bool PeerLink::Impl::write(Kind kind, dds::DataWriter* writer, Bytes bytes) {
   ByteSample sample{std::move(bytes)};
-  if (!writer->write(&sample)) {
-    state_.count_refused(kind, "DDS did not take it: history full, a peer does not acknowledge");
-    return false;
-  }
+  if (!put(kind, writer, sample)) return false;
   state_.count_sent(kind, sample.bytes.size());
   return true;
+}
+
+bool PeerLink::Impl::put(Kind kind, dds::DataWriter* writer, ByteSample& sample) {
+  if (writer->write(&sample)) return true;
+  state_.count_refused(kind, "DDS did not take it: history full, a peer does not acknowledge");
+  return false;
+}
+
+// Counts as sent once, to however many.
+bool PeerLink::Impl::send_message(Kind kind, const std::set<std::string>& receivers, Bytes bytes) {
+  if (kind != message_kind_) {
+    state_.count_refused(kind, "this team exchanges another sort of messages");
+    return false;
+  }
+  ByteSample sample{std::move(bytes)};
+  bool sent = false;
+  for (const std::string& receiver : receivers) {
+    dds::DataWriter* writer = answer_writer(receiver);
+    if (writer == nullptr || !state_.reaches(receiver)) {
+      state_.count_refused(kind, "receiver is not there");
+    } else if (put(kind, writer, sample)) {
+      state_.count_message_to(receiver);
+      sent = true;
+    }
+  }
+  if (sent) state_.count_sent(kind, sample.bytes.size());
+  return sent;
+}
+
+std::set<std::string> PeerLink::Impl::everybody() const {
+  const std::lock_guard lock(answer_mutex_);
+  std::set<std::string> names;
+  for (const auto& [name, writer] : answer_writers_)
+    if (state_.reaches(name)) names.insert(name);
+  return names;
 }
 
 bool PeerLink::Impl::publish_status() {
@@ -308,15 +352,15 @@ bool PeerLink::Impl::send(const PlaceAdvert& advert) {
 }
 
 bool PeerLink::Impl::send(const PeerKeyframe& keyframe) {
-  if (!may_send(Kind::kMessage, keyframe, keyframe.sender)) return false;
-  dds::DataWriter* writer = answer_writer(keyframe.receiver);
-  if (writer == nullptr || !state_.reaches(keyframe.receiver)) {
-    state_.count_refused(Kind::kMessage, "receiver is not there");
-    return false;
-  }
-  if (!write(Kind::kMessage, writer, encode(keyframe))) return false;
-  state_.count_message_to(keyframe.receiver);
-  return true;
+  return may_send(Kind::kMessage, keyframe, keyframe.sender) &&
+         send_message(Kind::kMessage, {keyframe.receiver}, encode(keyframe));
+}
+
+bool PeerLink::Impl::send(const FullPeerKeyframe& message) {
+  if (!may_send(Kind::kFullMessage, message, message.keyframe.sender)) return false;
+  const std::string& receiver = message.keyframe.receiver;
+  const auto receivers = receiver.empty() ? everybody() : std::set<std::string>{receiver};
+  return send_message(Kind::kFullMessage, receivers, encode(message));
 }
 
 bool PeerLink::Impl::publish(const Odometry& odometry) {
@@ -352,6 +396,7 @@ PeerLink& PeerLink::operator=(PeerLink&&) noexcept = default;
 
 bool PeerLink::send(const PlaceAdvert& advert) { return impl_->send(advert); }
 bool PeerLink::send(const PeerKeyframe& keyframe) { return impl_->send(keyframe); }
+bool PeerLink::send(const FullPeerKeyframe& message) { return impl_->send(message); }
 bool PeerLink::publish(const Odometry& odometry) { return impl_->publish(odometry); }
 bool PeerLink::publish(const AgentStatus& status) { return impl_->publish(status); }
 bool PeerLink::flush(milliseconds timeout) { return impl_->flush(timeout); }

@@ -6,6 +6,7 @@
 //   topic                            who writes     who reads
 //   covey/<team>/request             every drone    every drone
 //   covey/<team>/message/<receiver>  who answers    <receiver> only
+//     or full_message/<receiver>     the same, where whole filters are exchanged
 //   covey/<team>/status              every drone    every drone
 //   covey/<team>/odometry            every drone    whoever listens (ground station)
 //
@@ -24,6 +25,7 @@
 #include <variant>
 #include <vector>
 
+#include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -39,6 +41,9 @@ struct LinkConfig {
   int domain = 0;              // DDS domain, 0..200
   LinkProfile profile = LinkProfile::kRadio;
   int max_agents = 16;  // per team, this one included; also how many per host are looked for
+  // The messages of this team carry whole filters, FullPeerKeyframe instead of PeerKeyframe. Drones
+  // of the other sort are not heard.
+  bool full_messages = false;
 
   bool loopback_only = true;            // nothing leaves 127.0.0.1; the next two are then ignored
   std::vector<std::string> interfaces;  // own IPv4 addresses, usually one; empty: all
@@ -47,9 +52,10 @@ struct LinkConfig {
   std::size_t inbox_limit = 256;  // messages not yet taken, all kinds together
 };
 
-using Inbound = std::variant<PlaceAdvert, PeerKeyframe, AgentStatus>;
+using Inbound = std::variant<PlaceAdvert, PeerKeyframe, FullPeerKeyframe, AgentStatus>;
 
-// Samples of one kind. Payload bytes are the serialised sample, without RTPS and UDP headers.
+// Samples of one kind. Payload bytes are the serialised sample, without RTPS and UDP headers. What
+// is sent to all drones counts once.
 struct KindStatistics {
   std::uint64_t sent = 0;
   std::uint64_t received = 0;  // accepted by the checks
@@ -61,7 +67,7 @@ struct KindStatistics {
 
 struct LinkStatistics {
   KindStatistics request;                                 // PlaceAdvert
-  KindStatistics message;                                 // PeerKeyframe
+  KindStatistics message;                                 // PeerKeyframe or FullPeerKeyframe
   KindStatistics status;                                  // AgentStatus
   KindStatistics odometry;                                // never received here
   std::map<std::string, std::uint64_t> messages_sent_to;  // by receiver
@@ -72,7 +78,8 @@ struct LinkStatistics {
   // Errors that Fast DDS reports: malformed packets, exhausted limits. Of the whole process.
   std::uint64_t dds_errors = 0;
   std::string last_dds_error;
-  // UDP payloads of this link, discovery and repair included.
+  // All packets of this link, discovery and repair included: UDP payloads, and 28 bytes of IPv4 and
+  // UDP header for each.
   std::uint64_t wire_bytes_sent = 0;
   std::uint64_t wire_bytes_received = 0;
 };
@@ -95,6 +102,8 @@ class PeerLink {
   // False: not sent, counted in `refused` with a reason. `sender` must be this agent.
   bool send(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& keyframe);  // reaches only keyframe.receiver
+  // Only with LinkConfig::full_messages. Without a receiver it goes to every drone that is there.
+  bool send(const FullPeerKeyframe& message);
   bool publish(const Odometry& odometry);
   bool publish(const AgentStatus& status);  // late joiners get the last one
 

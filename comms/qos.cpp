@@ -21,8 +21,9 @@ using std::chrono::milliseconds;
 
 constexpr std::uint32_t kMaxDatagramBytes = 1400;  // of UDP payload: one Ethernet or Wi-Fi frame
 constexpr std::uint32_t kSocketBufferBytes = 256 * 1024;  // a burst of the largest messages
-constexpr std::uint32_t kParticipantsPerRemoteHost = 4;   // a drone and a few tools
-constexpr int kLockstepHistory = 256;                     // samples not yet acknowledged
+constexpr std::uint32_t kFullSocketBufferBytes = 4 * 1024 * 1024;  // a burst of whole filters
+constexpr std::uint32_t kParticipantsPerRemoteHost = 4;            // a drone and a few tools
+constexpr int kLockstepHistory = 256;                              // samples not yet acknowledged
 constexpr std::size_t kToolEndpoints = 8;  // per participant, on top of what a drone needs
 
 constexpr milliseconds kHeartbeat{40};
@@ -62,8 +63,8 @@ std::shared_ptr<UDPv4TransportDescriptor> udp(const LinkConfig& config) {
   auto out = std::make_shared<UDPv4TransportDescriptor>();
   out->interfaceWhiteList = own_interfaces(config);
   out->maxMessageSize = kMaxDatagramBytes;
-  out->sendBufferSize = kSocketBufferBytes;
-  out->receiveBufferSize = kSocketBufferBytes;
+  out->sendBufferSize = config.full_messages ? kFullSocketBufferBytes : kSocketBufferBytes;
+  out->receiveBufferSize = out->sendBufferSize;
   // Participants of one host sit on ports one after the other; so many of them are tried.
   out->maxInitialPeersRange = config.loopback_only ? static_cast<std::uint32_t>(config.max_agents)
                                                    : kParticipantsPerRemoteHost;
@@ -112,9 +113,10 @@ void set_limits(const LinkConfig& config, dds::ParticipantResourceLimitsQos& lim
   limits.data_limits.max_partitions = 256;
 }
 
+bool is_message(Kind kind) { return kind == Kind::kMessage || kind == Kind::kFullMessage; }
+
 bool keeps_all(Kind kind, const LinkConfig& config) {
-  return config.profile == LinkProfile::kLockstep &&
-         (kind == Kind::kRequest || kind == Kind::kMessage);
+  return config.profile == LinkProfile::kLockstep && (kind == Kind::kRequest || is_message(kind));
 }
 
 int history_depth(Kind kind) {
@@ -122,6 +124,7 @@ int history_depth(Kind kind) {
     case Kind::kRequest:
       return 8;
     case Kind::kMessage:
+    case Kind::kFullMessage:
       return 4;
     case Kind::kStatus:
     case Kind::kOdometry:
@@ -191,7 +194,7 @@ dds::DataWriterQos writer_qos(Kind kind, const LinkConfig& config) {
   qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   qos.reliable_writer_qos().times.heartbeatPeriod = duration(kHeartbeat);
   qos.reliable_writer_qos().times.nackResponseDelay = duration(kResponseDelay);
-  qos.reliable_writer_qos().disable_heartbeat_piggyback = kind == Kind::kMessage;
+  qos.reliable_writer_qos().disable_heartbeat_piggyback = is_message(kind);
   if (kind == Kind::kRequest && config.profile == LinkProfile::kRadio)
     qos.lifespan().duration = duration(kRequestLifespan);
   return qos;

@@ -21,6 +21,8 @@
 //   (wire x1.16; a shared topic with filtering readers x3.44 with four drones). Reliable, history
 //   of 4, heartbeats not piggybacked: they would be sent with every fragment and be answered by a
 //   storm of requests for fragments that are still under way. No lifespan: landmarks do not move.
+// full_message (hundreds of kilobytes): as message; larger socket buffers, else those of a few
+// drones at once overflow them and everything is sent twice.
 // status (a state, not an event): the last one of each drone is kept for late joiners. Liveliness
 //   of 1.5 s tells a dead drone from a quiet one; its participant is forgotten after 4 s.
 // odometry: best effort, the newest only. Nothing on board depends on who listens.

@@ -34,7 +34,7 @@ struct DriftConfig {
   double least_claim = 0.1;
   // For about so long two drones that fly together see the same pairs of corners, and the errors of
   // their relative poses are not new each time: more of them say no more.
-  double same_corners_s = 2.0;  // s
+  double same_corners_s = 1.0;  // s
   // Do all drones start in one world? If not, each peer's world is aligned first.
   bool common_start = true;
   WorldVoteConfig alignment;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/config.h"
+#include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -74,6 +75,8 @@ class Estimator {
   // views, tracks that are none (MSCKF features to be, and opportunistic ones).
   [[nodiscard]] std::vector<TrackDepth> depths();
   [[nodiscard]] CameraExtrinsics extrinsics() const;  // as calibrated so far
+  // For exchanges that send whole filters. Empty before initialisation.
+  [[nodiscard]] FilterSnapshot snapshot() const;
 
  private:
   struct Impl;

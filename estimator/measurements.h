@@ -113,6 +113,7 @@ struct PeerLandmark {
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // (x/z, y/z)
   double inverse_depth = 0;                           // 1/m
   double inverse_depth_sigma = 0;                     // 1/m, given the keyframe's pose
+  LandmarkPatch patch{};
 };
 
 // A keyframe of one drone, sent to the one that asked (the paper's MessageUAV). Pose, its
@@ -123,6 +124,7 @@ struct PeerKeyframe {
   std::uint64_t request_keyframe_id = 0;  // PlaceAdvert::keyframe_id that is answered
   KeyframePose pose;                      // in the sender's world
   KeyframePose before;                    // the one since which the depths were measured
+  double patch_spacing = 0;  // between the samples of the patches, normalised plane
   std::vector<PeerLandmark> landmarks;
 };
 
@@ -143,6 +145,10 @@ struct KeyframeMatch {
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
   double bearing_sigma = 0;  // to which two drones agree on a corner, normalised plane
   std::vector<LandmarkMatch> matches;
+  // The other's landmarks found in the own image by what they look like, whether they are tracked
+  // (else track_id is 0) or not; none where there are no patches.
+  double aligned_sigma = 0;  // normalised plane
+  std::vector<LandmarkMatch> aligned;
 };
 
 struct AgentStatus {

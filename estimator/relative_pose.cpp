@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <vector>
 
 #include "estimator/so3.h"
 
@@ -44,6 +45,18 @@ Row linearize(const Eigen::Isometry3d& T_other_own, const LandmarkMatch& match, 
   return row;
 }
 
+struct Sightings {
+  const std::vector<LandmarkMatch>& landmarks;
+  double sigma;  // of the own bearings
+};
+
+Sightings best_of(const KeyframeMatch& match, int min_inliers) {
+  if (match.aligned.size() >= static_cast<std::size_t>(min_inliers)) {
+    return {match.aligned, match.aligned_sigma};
+  }
+  return {match.matches, match.bearing_sigma};
+}
+
 struct Normal {
   Matrix6d A = Matrix6d::Zero();
   Vector6d b = Vector6d::Zero();
@@ -51,10 +64,10 @@ struct Normal {
 };
 
 // Outliers keep a pull that no longer grows with their distance (Cauchy); inliers are counted.
-Normal accumulate(const KeyframeMatch& match, const Eigen::Isometry3d& T_other_own) {
+Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_own) {
   Normal normal;
-  for (const LandmarkMatch& landmark : match.matches) {
-    const Row row = linearize(T_other_own, landmark, match.bearing_sigma);
+  for (const LandmarkMatch& landmark : sightings.landmarks) {
+    const Row row = linearize(T_other_own, landmark, sightings.sigma);
     if (!row.in_front) continue;
     const Eigen::Matrix2d W = row.covariance.inverse();
     const double distance = row.r.dot(W * row.r);
@@ -69,10 +82,11 @@ Normal accumulate(const KeyframeMatch& match, const Eigen::Isometry3d& T_other_o
 }  // namespace
 
 std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
+  const Sightings sightings = best_of(match, min_inliers);
   Eigen::Isometry3d T = match.T_other_own;
   Normal normal;
   for (int i = 0; i < kIterations; ++i) {
-    normal = accumulate(match, T);
+    normal = accumulate(sightings, T);
     if (normal.inliers < min_inliers) return std::nullopt;
     const Vector6d step = normal.A.ldlt().solve(normal.b);
     if (!step.allFinite()) return std::nullopt;

@@ -33,6 +33,19 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, doubl
           "need max_relative_sigma > 0 and matching_sigma_px >= 0");
 }
 
+// The paper's drones know places by its VLAD and answer whatever they know.
+CollaboratorConfig for_exchange(CollaboratorConfig config) {
+  // The paper does not tell its threshold. As high as leaves answers in the yard: they are large.
+  constexpr double kThreshold = 0.28;
+  if (config.exchange == ExchangeMode::kCompact) return config;
+  config.place_mode = PlaceMode::kPaper;
+  if (config.place_threshold == 0) config.place_threshold = kThreshold;
+  config.limiter.answer_interval_s = 0;
+  config.limiter.resend_interval_s = 0;
+  config.max_landmarks = static_cast<int>(kMaxAccepted);
+  return config;
+}
+
 bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {
   return inverse_depth > 0 && inverse_depth_sigma >= 0 &&
          inverse_depth_sigma <= max_relative_sigma * inverse_depth;
@@ -40,6 +53,7 @@ bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_rel
 
 bool is_well_formed(const PeerKeyframe& message) {
   if (message.sender.empty() || message.landmarks.size() > kMaxAccepted) return false;
+  if (!std::isfinite(message.patch_spacing)) return false;
   for (const KeyframePose& pose : {message.pose, message.before}) {
     if (!pose.T_world_cam.matrix().allFinite() || !pose.covariance.allFinite() ||
         pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
@@ -99,7 +113,7 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   landmarks.reserve(features.size());
   for (const KeyframeFeature& feature : features) {
     landmarks.push_back({shortened(feature.descriptor), feature.bearing, feature.inverse_depth,
-                         feature.inverse_depth_sigma});
+                         feature.inverse_depth_sigma, feature.patch});
   }
   return landmarks;
 }
@@ -141,6 +155,18 @@ NoMatchReason to_reason(VerificationFailure failure) {
 
 }  // namespace
 
+const char* to_string(ExchangeMode exchange) {
+  switch (exchange) {
+    case ExchangeMode::kCompact:
+      return "compact";
+    case ExchangeMode::kPaper:
+      return "paper";
+    case ExchangeMode::kNaive:
+      break;
+  }
+  return "naive";
+}
+
 const char* to_string(NoMatchReason reason) {
   switch (reason) {
     case NoMatchReason::kNotForUs:
@@ -160,16 +186,17 @@ const char* to_string(NoMatchReason reason) {
 }
 
 Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
-                           double focal_length_px)
-    : config_(config),
+                           const CameraIntrinsics& camera)
+    : config_(for_exchange(config)),
       vocabulary_(vocabulary),
-      vocabulary_hash_(vocabulary_hash(vocabulary, config.place_mode)),
-      place_threshold_(config.place_threshold > 0 ? config.place_threshold
-                                                  : default_threshold(config.place_mode)),
-      focal_length_px_(focal_length_px),
+      vocabulary_hash_(vocabulary_hash(vocabulary, config_.place_mode)),
+      place_threshold_(config_.place_threshold > 0 ? config_.place_threshold
+                                                   : default_threshold(config_.place_mode)),
+      camera_(camera),
+      focal_length_px_((camera.fx + camera.fy) / 2),
       database_(config.database),
-      limiter_(config.limiter) {
-  check(config, vocabulary, focal_length_px);
+      limiter_(config_.limiter) {
+  check(config, vocabulary, focal_length_px_);
 }
 
 bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
@@ -178,10 +205,61 @@ bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_wo
   return !last || is_keyframe(config_.keyframe, *last, stamp_ns, T_world_cam, last->mean_depth);
 }
 
-PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
+PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const ImagePyramid& image,
                                        const Eigen::Isometry3d& T_world_cam,
                                        const Matrix6d& covariance,
                                        const std::vector<TrackDepth>& depths) {
+  database_.add(make_keyframe(described, image, T_world_cam, covariance, depths));
+  ++report_.keyframes;
+  return advert_of(*database_.last());
+}
+
+PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePyramid& image,
+                                    const Eigen::Isometry3d& T_world_cam,
+                                    const Matrix6d& covariance,
+                                    const std::vector<TrackDepth>& depths) {
+  recent_frames_.push_back(make_keyframe(described, image, T_world_cam, covariance, depths));
+  if (recent_frames_.size() > config_.recent_frames) recent_frames_.pop_front();
+  return advert_of(recent_frames_.back());
+}
+
+const Keyframe* Collaborator::newest_image() const {
+  const Keyframe* keyframe = database_.last();
+  if (recent_frames_.empty()) return keyframe;
+  const Keyframe& frame = recent_frames_.back();
+  return keyframe && keyframe->pose.keyframe_id > frame.pose.keyframe_id ? keyframe : &frame;
+}
+
+const Keyframe* Collaborator::find_image(std::uint64_t keyframe_id) const {
+  const auto frame =
+      std::find_if(recent_frames_.begin(), recent_frames_.end(),
+                   [&](const Keyframe& recent) { return recent.pose.keyframe_id == keyframe_id; });
+  return frame == recent_frames_.end() ? database_.find(keyframe_id) : &*frame;
+}
+
+std::optional<PeerKeyframe> Collaborator::announcement() const {
+  const Keyframe* newest = newest_image();
+  if (!newest) return std::nullopt;
+  const std::vector<KeyframeFeature> landmarks = landmarks_of(*newest);
+  if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) return std::nullopt;
+  return PeerKeyframe{config_.agent,
+                      "",
+                      0,
+                      newest->pose,
+                      newest->before,
+                      config_.patch.spacing_px / focal_length_px_,
+                      to_peer_landmarks(landmarks)};
+}
+
+PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
+  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_,
+          keyframe.place};
+}
+
+Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
+                                     const Eigen::Isometry3d& T_world_cam,
+                                     const Matrix6d& covariance,
+                                     const std::vector<TrackDepth>& depths) {
   Keyframe keyframe;
   keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
   keyframe.before = before(keyframe.pose);
@@ -189,9 +267,18 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
                             .value_or(config_.keyframe.fallback_depth);
   std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
   for (const TrackDepth& depth : depths) depth_of[depth.track_id] = &depth;
+  if (!image.levels.empty()) {
+    if (images_.size() >= config_.images) images_.pop_front();
+    images_.emplace_back(keyframe.pose.keyframe_id, image);
+  }
   for (const TrackedFeature& feature : described.features) {
     if (!feature.described) continue;
-    KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0};
+    KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0, {}};
+    if (!image.levels.empty()) {
+      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing,
+                                        config_.patch.spacing_px / focal_length_px_)
+                         .value_or(LandmarkPatch{});
+    }
     if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
       stored.inverse_depth = known->second->inverse_depth;
       stored.inverse_depth_sigma = known->second->inverse_depth_sigma;
@@ -200,11 +287,7 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described,
   }
   keyframe.place =
       describe_place(vocabulary_, config_.place_mode, descriptors_of(keyframe.features));
-  PlaceAdvert advert{config_.agent, keyframe.pose.keyframe_id, described.stamp_ns, vocabulary_hash_,
-                     keyframe.place};
-  database_.add(std::move(keyframe));
-  ++report_.keyframes;
-  return advert;
+  return keyframe;
 }
 
 // The newest keyframe of that age, or the oldest there is.
@@ -241,6 +324,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
     consider(peer.drone, {view_difference(peer.view, view), nullptr, &peer});
   }
   std::vector<Candidate> candidates;
+  candidates.reserve(nearest.size());
   for (const auto& [drone, candidate] : nearest) candidates.push_back(candidate);
   std::stable_sort(
       candidates.begin(), candidates.end(),
@@ -253,6 +337,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
                                               candidate.own->pose,
                                               candidate.own->before,
                                               {},
+                                              config_.patch.spacing_px / focal_length_px_,
                                               to_peer_landmarks(landmarks_of(*candidate.own))}
                                       : *candidate.peer;
     auto result = match_keyframes(*newest, sight);
@@ -276,7 +361,8 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
                   depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
-  remembered_.push_back({message.sender, message.pose, message.before, view, landmarks});
+  remembered_.push_back(
+      {message.sender, message.pose, message.before, view, message.patch_spacing, landmarks});
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -323,6 +409,7 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
                         advert.keyframe_id,
                         candidate.keyframe->pose,
                         candidate.keyframe->before,
+                        config_.patch.spacing_px / focal_length_px_,
                         to_peer_landmarks(most_useful(landmarks, advert))};
   }
   return best;
@@ -394,15 +481,17 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyframe& message) const {
-  if (message.receiver != config_.agent || message.sender == config_.agent) {
+  const bool for_all = message.receiver.empty() && config_.exchange == ExchangeMode::kNaive;
+  if ((message.receiver != config_.agent && !for_all) || message.sender == config_.agent) {
     return NoMatch{NoMatchReason::kNotForUs};
   }
   if (!is_well_formed(message)) return NoMatch{NoMatchReason::kMalformed};
-  const Keyframe* own = database_.find(message.request_keyframe_id);
+  const Keyframe* own = for_all ? newest_image() : find_image(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  return match_keyframes(*own,
-                         {message.sender, message.pose, message.before, {}, message.landmarks});
+  return match_keyframes(
+      *own,
+      {message.sender, message.pose, message.before, {}, message.patch_spacing, message.landmarks});
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
@@ -431,6 +520,8 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyfram
                       other.before,
                       relative_pose(own.pose, other.pose, result.verified->offset),
                       config_.matching_sigma_px / focal_length_px_,
+                      {},
+                      config_.aligned_sigma_px / focal_length_px_,
                       {}};
   for (const IndexPair& pair : pairs) {
     const PeerLandmark& landmark = landmarks[pair.peer];
@@ -438,7 +529,29 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyfram
                              landmark.bearing, landmark.inverse_depth,
                              landmark.inverse_depth_sigma});
   }
+  match.aligned = look_for(other, landmarks, match);
   return match;
+}
+
+std::vector<LandmarkMatch> Collaborator::look_for(const Sight& other,
+                                                  const std::vector<PeerLandmark>& landmarks,
+                                                  const KeyframeMatch& match) const {
+  std::vector<LandmarkMatch> found;
+  const auto image = std::find_if(images_.rbegin(), images_.rend(), [&](const auto& known) {
+    return known.first == match.own.keyframe_id;
+  });
+  if (image == images_.rend()) return found;
+  for (const PeerLandmark& landmark : landmarks) {
+    if (landmark.patch == LandmarkPatch{}) continue;
+    const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
+                            other.patch_spacing};
+    const auto bearing =
+        find_landmark_patch(image->second, camera_, seen, match.T_other_own, config_.patch);
+    if (!bearing) continue;
+    found.push_back(
+        {0, *bearing, landmark.bearing, landmark.inverse_depth, landmark.inverse_depth_sigma});
+  }
+  return found;
 }
 
 }  // namespace covey

@@ -12,6 +12,9 @@
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
 //   on keyframe: std::visit(..., collaborator.match(keyframe));         // KeyframeMatch -> filter
 //
+// The exchanges of the paper ask or tell at the rate of the camera: there, images that are no
+// keyframes go into add_frame().
+//
 // Everything that comes from a peer is checked here again: a peer may be hostile. Not thread-safe.
 #pragma once
 
@@ -19,20 +22,34 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "estimator/measurements.h"
 #include "frontend/answer_limiter.h"
+#include "frontend/camera.h"
+#include "frontend/image_pyramid.h"
 #include "frontend/keyframe_database.h"
+#include "frontend/landmark_patch.h"
 #include "frontend/matching.h"
 #include "frontend/place_recognition.h"
 #include "frontend/tracker.h"
 
 namespace covey {
 
+// What drones tell each other, and when.
+enum class ExchangeMode : std::uint8_t {
+  kCompact,  // a question per keyframe; who has seen the place answers the asker, but not too often
+  kPaper,    // the paper's: a question per image, each about a known place is answered
+  kNaive,    // what the paper compares with: every image is told to all, nobody asks
+};
+
+[[nodiscard]] const char* to_string(ExchangeMode exchange);
+
 struct CollaboratorConfig {
   std::string agent = "uav0";  // own name
+  ExchangeMode exchange = ExchangeMode::kCompact;
 
   // Asking and storing.
   KeyframeRule keyframe;
@@ -44,13 +61,14 @@ struct CollaboratorConfig {
   double revisit_max_difference = 0.7;  // between the views: way over depth, plus angle (rad)
   int max_revisits = 4;                 // for one keyframe
   std::size_t remembered = 60;          // peers' keyframes, of about 5 kB
+  std::size_t recent_frames = 60;       // images that answers find, besides keyframes, of 14 kB
 
   // Answering.
-  PlaceMode place_mode = PlaceMode::kCompact;
-  double place_threshold = 0;  // least score that is answered; 0: default_threshold of the mode
-  AnswerLimiter::Config limiter;
-  int min_landmarks = 8;            // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 200;          // of an answer
+  PlaceMode place_mode = PlaceMode::kCompact;  // of the compact exchange; others: kPaper
+  double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
+  AnswerLimiter::Config limiter;  // of the compact exchange
+  int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
+  int max_landmarks = 40;         // of an answer; all, if the exchange is not compact
   double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
                                     // neither sent nor accepted
   // Matching.
@@ -60,6 +78,10 @@ struct CollaboratorConfig {
   int min_matches = 8;  // fewer are no matches
   // To which two drones agree on a corner; a fatter tail than Gaussian.
   double matching_sigma_px = 0.7;
+  // Looking for the peer's landmarks in the own image.
+  PatchSearchConfig patch;
+  double aligned_sigma_px = 0.3;  // of what is found
+  std::size_t images = 20;        // of the newest keyframes, each 0.5 MB
 };
 
 enum class NoMatchReason : std::uint8_t {
@@ -99,17 +121,27 @@ struct CollaboratorReport {
 
 class Collaborator {
  public:
-  // `focal_length_px` turns the pixel limits of the configuration into bearings. Throws
-  // std::runtime_error for a configuration that cannot work.
+  // Throws std::runtime_error for a configuration that cannot work.
   Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
-               double focal_length_px);
+               const CameraIntrinsics& camera);
 
   // PTAM rule. Call once per image: it also tells the time by which answers are limited.
   [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam);
 
-  // Features without descriptor are left out. `covariance`: of the pose, as in KeyframePose.
-  PlaceAdvert add_keyframe(const TrackedFrame& described, const Eigen::Isometry3d& T_world_cam,
-                           const Matrix6d& covariance, const std::vector<TrackDepth>& depths);
+  // Features without descriptor are left out. `image`: as it was tracked; without levels no patches
+  // are cut and none are looked for. `covariance`: of the pose, as in KeyframePose.
+  PlaceAdvert add_keyframe(const TrackedFrame& described, const ImagePyramid& image,
+                           const Eigen::Isometry3d& T_world_cam, const Matrix6d& covariance,
+                           const std::vector<TrackDepth>& depths);
+
+  // An image between two keyframes, for exchanges at the rate of the camera. Answers find it among
+  // the newest; nobody is answered with it.
+  PlaceAdvert add_frame(const TrackedFrame& described, const ImagePyramid& image,
+                        const Eigen::Isometry3d& T_world_cam, const Matrix6d& covariance,
+                        const std::vector<TrackDepth>& depths);
+
+  // The newest image as every drone is told it (receiver empty). Nothing if it shows too little.
+  [[nodiscard]] std::optional<PeerKeyframe> announcement() const;
 
   // The newest keyframe against those that are here already, at no bytes: old ones of the own, and
   // what peers have answered before. Of each drone the one with the most similar view.
@@ -118,7 +150,8 @@ class Collaborator {
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
-  // Pairs of own track and peer landmark, one to one.
+  // Pairs of own track and peer landmark, one to one: of the image that was asked about, or of the
+  // newest if the message is for all.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const PeerKeyframe& message);
 
   [[nodiscard]] const CollaboratorReport& report() const { return report_; }
@@ -130,6 +163,13 @@ class Collaborator {
     double score = 0;
   };
 
+  [[nodiscard]] Keyframe make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
+                                       const Eigen::Isometry3d& T_world_cam,
+                                       const Matrix6d& covariance,
+                                       const std::vector<TrackDepth>& depths);
+  [[nodiscard]] PlaceAdvert advert_of(const Keyframe& keyframe) const;
+  [[nodiscard]] const Keyframe* newest_image() const;
+  [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   // The counter of why an advert gets no answer, or null.
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
@@ -147,22 +187,29 @@ class Collaborator {
     std::string drone;
     KeyframePose pose, before;
     View view;
+    double patch_spacing = 0;
     std::vector<PeerLandmark> landmarks;
   };
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
                                                                      const Sight& other) const;
   [[nodiscard]] KeyframePose before(const KeyframePose& pose) const;
+  [[nodiscard]] std::vector<LandmarkMatch> look_for(const Sight& other,
+                                                    const std::vector<PeerLandmark>& landmarks,
+                                                    const KeyframeMatch& match) const;
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
   Vocabulary vocabulary_;
   std::uint64_t vocabulary_hash_;
   double place_threshold_;
+  CameraIntrinsics camera_;
   double focal_length_px_;
   TimeNs now_ns_ = 0;  // stamp of the newest own image
   std::uint64_t next_keyframe_id_ = 1;
   KeyframeDatabase database_;
-  std::deque<Sight> remembered_;  // of peers, in the order in which they came
+  std::deque<Keyframe> recent_frames_;  // no keyframes; oldest first
+  std::deque<Sight> remembered_;        // of peers, in the order in which they came
+  std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first
   AnswerLimiter limiter_;
   CollaboratorReport report_;
 };

@@ -35,6 +35,7 @@ struct KeyframeFeature {
   BinaryDescriptor descriptor{};
   double inverse_depth = 0;        // 1/m; 0 if it is not known
   double inverse_depth_sigma = 0;  // 1/m
+  LandmarkPatch patch{};
 };
 
 struct Keyframe {

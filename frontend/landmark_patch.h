@@ -18,7 +18,7 @@
 namespace covey {
 
 struct PatchSearchConfig {
-  double spacing_px = 1.5;       // between the samples of a patch
+  double spacing_px = 1.25;      // between the samples of a patch
   double max_shift_px = 4.0;     // from where geometry says it is
   double min_correlation = 0.9;  // zero-mean normalised, of what is found with what was sent
 };

@@ -325,6 +325,8 @@ TrackedFrame Tracker::track(TimeNs stamp_ns, const cv::Mat& pixels,
   return frame;
 }
 
+const ImagePyramid& Tracker::image() const { return impl_->current; }
+
 void Tracker::describe(TrackedFrame& frame,
                        const std::optional<Eigen::Matrix3d>& R_world_cam) const {
   if (impl_->current.levels.empty()) return;

@@ -18,6 +18,7 @@
 #include "estimator/measurements.h"
 #include "frontend/camera.h"
 #include "frontend/corner_grid.h"
+#include "frontend/image_pyramid.h"
 #include "frontend/outlier_rejection.h"
 #include "frontend/patch_alignment.h"
 
@@ -70,6 +71,9 @@ class Tracker {
   // rotation from the previous image's camera to this one's, from the gyro (identity when unknown).
   // Throws std::runtime_error for an image of another type or size.
   TrackedFrame track(TimeNs stamp_ns, const cv::Mat& pixels, const Eigen::Matrix3d& R_cam_previous);
+
+  // The current one, as it is tracked. Its pixels are never written again.
+  [[nodiscard]] const ImagePyramid& image() const;
 
   // ORB descriptors of the current image at the tracks' current places. With the camera's attitude
   // they are oriented by the world: that is what two drones can compare best.

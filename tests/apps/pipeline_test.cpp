@@ -13,6 +13,7 @@
 #include "apps/dataset.h"
 #include "apps/grey_image.h"
 #include "apps/initialisation.h"
+#include "comms/checks.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -118,9 +119,10 @@ TEST(Initialisation, ADroneThatMovesDoesNotStandStill) {
 // One drone of the small simulated flight, fed by hand.
 class Drone {
  public:
-  Drone(const std::string& name, FlightMode mode)
+  Drone(const std::string& name, FlightMode mode, ExchangeMode exchange = ExchangeMode::kCompact)
       : dataset_(read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / name / "mav0")),
-        pipeline_(config(name, mode), {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
+        pipeline_(config(name, mode, exchange),
+                  {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
                   dataset_.ground_truth) {}
 
   [[nodiscard]] std::size_t images() const { return dataset_.images.size(); }
@@ -138,10 +140,13 @@ class Drone {
   }
 
  private:
-  static AgentConfig config(const std::string& name, FlightMode mode) {
+  static AgentConfig config(const std::string& name, FlightMode mode, ExchangeMode exchange) {
     AgentConfig config;
     config.agent.name = name;
     config.agent.mode = mode;
+    config.collaboration.exchange = exchange;
+    // A few images from a start at rest: the paper's descriptor says little of them.
+    if (exchange == ExchangeMode::kPaper) config.collaboration.place_threshold = 0.2;
     return config;
   }
 
@@ -190,6 +195,52 @@ TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
   EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
   EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
   EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
+}
+
+TEST(Pipeline, InThePapersExchangeEveryImageAsksAndAnswersHoldTheFilterOfTheirKeyframe) {
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kPaper);
+  Drone other("uav1", FlightMode::kCollaborative, ExchangeMode::kPaper);
+  int flown = 0, asked = 0, answered = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.odometry) continue;
+    ++flown;
+    if (!mine.advert) continue;
+    ++asked;
+    EXPECT_FALSE(mine.announcement);
+    auto answer = other.pipeline().answer(*mine.advert);
+    if (!answer) continue;
+    ++answered;
+    const FullPeerKeyframe full = other.pipeline().with_filter(*answer);
+    EXPECT_EQ(problem_with(full).value_or(""), "");
+    EXPECT_EQ(full.filter.stamp_ns, full.keyframe.pose.stamp_ns);
+    EXPECT_GT(full.filter.covariance.rows(), 100);
+    (void)one.pipeline().fuse(full.keyframe);
+  }
+  EXPECT_GE(asked, flown - 2);  // the filter has to see first
+  EXPECT_GT(answered, 0);
+  EXPECT_GT(asked, 2 * one.pipeline().collaboration()->keyframes);
+}
+
+TEST(Pipeline, InTheNaiveExchangeEveryImageIsToldToAllWithItsFilter) {
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kNaive);
+  Drone other("uav1", FlightMode::kCollaborative, ExchangeMode::kNaive);
+  int told = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i), theirs = other.fly(i);
+    EXPECT_FALSE(theirs.advert);
+    if (!theirs.announcement) continue;
+    ++told;
+    EXPECT_EQ(problem_with(*theirs.announcement).value_or(""), "");
+    const FilterSnapshot& filter = theirs.announcement->filter;
+    EXPECT_EQ(filter.state.head<3>(), theirs.alone->pose.p_world_imu);
+    EXPECT_EQ(filter.covariance.topLeftCorner(3, 3),
+              theirs.alone->pose_covariance.topLeftCorner(3, 3));
+    (void)one.pipeline().fuse(theirs.announcement->keyframe);
+  }
+  EXPECT_GT(told, 15);
+  EXPECT_GT(one.pipeline().collaboration()->matched, 0);
 }
 
 TEST(Pipeline, AHostileMessageIsRejected) {

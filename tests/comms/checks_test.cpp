@@ -27,6 +27,10 @@ std::string landmark_problem(const std::function<void(PeerLandmark&)>& damage) {
   return problem_after<PeerKeyframe>(samples::keyframe(),
                                      [&](auto& keyframe) { damage(keyframe.landmarks[17]); });
 }
+std::string filter_problem(const std::function<void(FilterSnapshot&)>& damage) {
+  return problem_after<FullPeerKeyframe>(samples::full_keyframe(),
+                                         [&](auto& message) { damage(message.filter); });
+}
 std::string odometry_problem(const std::function<void(Odometry&)>& damage) {
   return problem_after<Odometry>(samples::odometry(), damage);
 }
@@ -34,9 +38,58 @@ std::string odometry_problem(const std::function<void(Odometry&)>& damage) {
 TEST(Checks, GoodMessagesHaveNoProblem) {
   EXPECT_EQ(problem_with(samples::advert()).value_or(""), "");
   EXPECT_EQ(problem_with(samples::keyframe()).value_or(""), "");
+  EXPECT_EQ(problem_with(samples::full_keyframe()).value_or(""), "");
+  EXPECT_EQ(problem_with(samples::full_keyframe("uav1", "")).value_or(""), "");  // for all
   EXPECT_EQ(problem_with(samples::status()).value_or(""), "");
   EXPECT_EQ(problem_with(samples::odometry()).value_or(""), "");
   EXPECT_EQ(problem_with(Odometry{}).value_or(""), "");  // before initialisation: no covariance yet
+}
+
+TEST(Checks, OnlyAWholeFilterMayBeForAll) {
+  EXPECT_EQ(problem_with(samples::keyframe("uav1", "")).value_or(""),
+            "receiver is not a drone's name");
+  EXPECT_EQ(problem_with(samples::full_keyframe("uav1", "a/b")).value_or(""),
+            "receiver is not a drone's name");
+}
+
+TEST(Checks, TheListsOfAFilterFitTogether) {
+  const std::string misfit = "sizes in the filter do not fit together";
+  EXPECT_EQ(filter_problem([](auto& f) { f.state.conservativeResize(f.state.size() - 1); }),
+            misfit);
+  EXPECT_EQ(filter_problem([](auto& f) { f.state.resize(0); }), misfit);
+  EXPECT_EQ(filter_problem([](auto& f) { f.landmark_tracks.pop_back(); }), misfit);
+  EXPECT_EQ(filter_problem([](auto& f) { f.landmark_anchors.push_back(0); }), misfit);
+  EXPECT_EQ(filter_problem([](auto& f) {
+              f.covariance =
+                  Eigen::MatrixXd::Identity(f.covariance.rows() - 3, f.covariance.cols() - 3);
+            }),
+            misfit);
+  EXPECT_EQ(filter_problem([](auto& f) {
+              f.covariance =
+                  Eigen::MatrixXd::Identity(f.covariance.rows() + 7, f.covariance.cols() + 7);
+            }),
+            "");  // its calibration is estimated
+  EXPECT_EQ(filter_problem([](auto& f) { f = samples::filter(20, 41); }), "filter too large");
+  EXPECT_EQ(filter_problem([](auto& f) { f.landmark_anchors[1] = 3; }),
+            "landmark without an anchor");
+}
+
+TEST(Checks, TheNumbersOfAFilterArePlausible) {
+  EXPECT_EQ(filter_problem([](auto& f) { f.stamp_ns = -1; }), "stamp not plausible");
+  for (const double bad : {kNan, kInfinity, 1e7}) {
+    EXPECT_EQ(filter_problem([&](auto& f) { f.state[2] = bad; }),
+              "state of the filter not plausible");
+  }
+  for (const int at : {6, 19, 27, 41}) {
+    EXPECT_EQ(filter_problem([&](auto& f) { f.state[at] += 0.5; }),
+              "attitude is not a unit quaternion");
+  }
+  const std::string implausible = "covariance of the filter not plausible";
+  EXPECT_EQ(filter_problem([](auto& f) { f.covariance(7, 7) = 0; }), implausible);
+  EXPECT_EQ(filter_problem([](auto& f) { f.covariance(3, 8) = kNan; }), implausible);
+  EXPECT_EQ(filter_problem([](auto& f) { f.covariance(3, 8) += 1e-6; }), implausible);
+  EXPECT_EQ(filter_problem([](auto& f) { f.covariance.conservativeResize(39, 38); }),
+            "covariance of the filter is not square");
 }
 
 TEST(Checks, NamesAreShortAndPlain) {
@@ -71,6 +124,10 @@ TEST(Checks, KeyframeNeedsNamesAndABoundedSetOfLandmarks) {
   EXPECT_EQ(problem([](auto& k) { k.pose.stamp_ns = -5; }), "stamp not plausible");
   EXPECT_EQ(problem([](auto& k) { k.landmarks.resize(257); }), "too many landmarks");
   EXPECT_EQ(problem([](auto& k) { k.landmarks.clear(); }), "");
+  EXPECT_EQ(problem([](auto& k) { k.before.stamp_ns = -5; }), "stamp not plausible");
+  for (const double bad : {kNan, kInfinity, -1e-3, 1.0}) {
+    EXPECT_EQ(problem([&](auto& k) { k.patch_spacing = bad; }), "patch spacing not plausible");
+  }
 }
 
 TEST(Checks, KeyframePoseIsAPose) {

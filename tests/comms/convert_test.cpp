@@ -44,6 +44,9 @@ TEST(Convert, KeyframeSurvivesTheWire) {
   EXPECT_LT((got.pose.T_world_cam.linear() - sent.pose.T_world_cam.linear()).norm(), 1e-6);
   EXPECT_LT((got.pose.covariance - sent.pose.covariance).norm(),
             1e-6 * sent.pose.covariance.norm());
+  EXPECT_EQ(got.before.keyframe_id, sent.before.keyframe_id);
+  EXPECT_EQ(got.before.T_world_cam.translation(), sent.before.T_world_cam.translation());
+  EXPECT_EQ(got.patch_spacing, sent.patch_spacing);
   ASSERT_EQ(got.landmarks.size(), sent.landmarks.size());
   for (std::size_t i = 0; i < sent.landmarks.size(); ++i) {
     const PeerLandmark &a = sent.landmarks[i], &b = got.landmarks[i];
@@ -51,6 +54,7 @@ TEST(Convert, KeyframeSurvivesTheWire) {
     EXPECT_EQ(b.bearing, a.bearing);
     EXPECT_EQ(b.inverse_depth, a.inverse_depth);
     EXPECT_EQ(b.inverse_depth_sigma, a.inverse_depth_sigma);
+    EXPECT_EQ(b.patch, a.patch);
   }
 }
 
@@ -76,6 +80,20 @@ TEST(Convert, LandmarksAreRoundedFinely) {
     EXPECT_GE(got_share, share * (1 - 1e-12));
     EXPECT_LE(got_share, std::max(5.5e-4, 1.1 * share));
   }
+}
+
+TEST(Convert, AWholeFilterSurvivesTheWireUnchanged) {
+  const FullPeerKeyframe sent = samples::full_keyframe("uav1", "");
+  const auto decoded = decode_full_keyframe(encode(sent));
+  const FullPeerKeyframe& got = accepted(decoded);
+  EXPECT_EQ(got.keyframe.sender, sent.keyframe.sender);
+  EXPECT_EQ(got.keyframe.receiver, "");
+  EXPECT_EQ(got.keyframe.landmarks.size(), sent.keyframe.landmarks.size());
+  EXPECT_EQ(got.filter.stamp_ns, sent.filter.stamp_ns);
+  EXPECT_EQ(got.filter.state, sent.filter.state);
+  EXPECT_EQ(got.filter.landmark_tracks, sent.filter.landmark_tracks);
+  EXPECT_EQ(got.filter.landmark_anchors, sent.filter.landmark_anchors);
+  EXPECT_EQ(got.filter.covariance, sent.filter.covariance);
 }
 
 TEST(Convert, StatusSurvivesTheWireUnchanged) {
@@ -111,8 +129,16 @@ TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   EXPECT_EQ(encode(samples::advert()).size(), 2096u);
   const std::size_t with_40 = encode(samples::keyframe("uav1", "uav0", 40)).size();
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();
-  EXPECT_EQ(with_80 - with_40, 40u * 23u);
-  EXPECT_LT(with_40, 1150u);  // one packet
+  EXPECT_EQ(with_80 - with_40, 40u * 55u);
+  EXPECT_LT(with_40, 2600u);  // two packets
+  PeerKeyframe without_patches = samples::keyframe("uav1", "uav0", 40);
+  without_patches.patch_spacing = 0;
+  EXPECT_EQ(encode(without_patches).size() + 40u * 32u, with_40);
+  // The paper's filter of about 150 states: 190.7 kB, most of it 180 kB of covariance.
+  FullPeerKeyframe full = samples::full_keyframe();
+  full.filter = samples::filter(10, 25);
+  ASSERT_EQ(full.filter.covariance.rows(), 150);
+  EXPECT_NEAR(static_cast<double>(encode(full).size()), 180e3 + 4e3, 0.5e3);
 }
 
 TEST(Convert, TheLargestMessagesFitTheirLimits) {
@@ -121,6 +147,12 @@ TEST(Convert, TheLargestMessagesFitTheirLimits) {
   advert.descriptor.resize(kMaxDescriptorBytes);
   EXPECT_LE(encode(advert).size(), kMaxRequestBytes);
   EXPECT_LE(encode(samples::keyframe(longest, longest, kMaxLandmarks)).size(), kMaxMessageBytes);
+  FullPeerKeyframe full{samples::keyframe(longest, longest, kMaxLandmarks), samples::filter(1, 78)};
+  ASSERT_EQ(full.filter.covariance.rows(), kMaxFilterDimension - 1);
+  EXPECT_LE(encode(full).size(), kMaxFullMessageBytes);
+  full.filter = samples::filter(40, 0);
+  ASSERT_EQ(full.filter.covariance.rows(), kMaxFilterDimension - 1);
+  EXPECT_LE(encode(full).size(), kMaxFullMessageBytes);
   const StatusSample status{samples::status(longest), std::vector<std::uint64_t>(kMaxHears, 1)};
   EXPECT_LE(encode(status).size(), kMaxStatusBytes);
   EXPECT_LE(encode(OdometrySample{longest, samples::odometry()}).size(), kMaxOdometryBytes);

@@ -5,6 +5,7 @@
 #include <fastcdr/FastBuffer.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -39,6 +40,8 @@ std::vector<MessageType> message_types() {
        encode(samples::advert())},
       {"MessageUAV", [](const Bytes& b) { return reason(decode_peer_keyframe(b)); },
        encode(samples::keyframe())},
+      {"FullMessageUAV", [](const Bytes& b) { return reason(decode_full_keyframe(b)); },
+       encode(samples::full_keyframe())},
       {"AgentStatus", [](const Bytes& b) { return reason(decode_status(b)); },
        encode(StatusSample{samples::status(), {1, 2, 3}})},
       {"Odometry", [](const Bytes& b) { return reason(decode_odometry(b)); },
@@ -136,6 +139,7 @@ TEST(HostileBytes, SequencesBeyondTheirBoundsAreRejected) {
   long_message.bearings().resize(2 * 257);
   long_message.inverse_depths().resize(257, long_message.inverse_depths().front());
   long_message.depth_sigmas().resize(257, long_message.depth_sigmas().front());
+  long_message.patches().resize(32 * 257);
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(long_message))), "too many landmarks");
 
   wire::AgentStatus crowded =
@@ -155,7 +159,7 @@ TEST(HostileBytes, ANameThatIsTooLongIsNotCutToAnotherName) {
 
 TEST(HostileBytes, ListsThatDisagreeAreRejected) {
   const std::string complaint = "landmark lists of different lengths";
-  const auto after = [](auto damage) {
+  const auto after = [](const auto& damage) {
     wire::MessageUAV bytes = message();
     damage(bytes);
     return reason(decode_peer_keyframe(serialize(bytes)));
@@ -164,20 +168,38 @@ TEST(HostileBytes, ListsThatDisagreeAreRejected) {
   EXPECT_EQ(after([](auto& m) { m.bearings().push_back(0); }), complaint);
   EXPECT_EQ(after([](auto& m) { m.inverse_depths().clear(); }), complaint);
   EXPECT_EQ(after([](auto& m) { m.depth_sigmas().push_back(0); }), complaint);
+  EXPECT_EQ(after([](auto& m) { m.patches().pop_back(); }), complaint);
+  EXPECT_EQ(after([](auto& m) { m.patch_spacing(0); }), complaint);
+
+  const auto after_in_full = [](const auto& damage) {
+    auto bytes = parse<wire::FullMessageUAV>(encode(samples::full_keyframe()));
+    damage(bytes);
+    return reason(decode_full_keyframe(serialize(bytes)));
+  };
+  EXPECT_EQ(after_in_full([](auto& m) { m.message().bearings().push_back(0); }), complaint);
+  EXPECT_EQ(after_in_full([](auto& m) { m.covariance().pop_back(); }),
+            "covariance of the filter is not square");
+  EXPECT_EQ(after_in_full([](auto& m) { m.covariance().clear(); }),
+            "covariance of the filter is not square");
+  EXPECT_EQ(after_in_full([](auto& m) { m.covariance().resize(257 * 257); }), "filter too large");
+  EXPECT_EQ(after_in_full([](auto& m) { m.state().resize(10'000); }),
+            "sizes in the filter do not fit together");
+  EXPECT_EQ(after_in_full([](auto& m) { m.covariance()[5] = std::nan(""); }),
+            "covariance of the filter not plausible");
 }
 
 TEST(HostileBytes, NumbersThatOnlyTheWireCanHoldAreRejected) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   wire::MessageUAV bytes = message();
-  bytes.p_world_cam()[1] = std::numeric_limits<double>::infinity();
+  bytes.keyframe().p_world_cam()[1] = std::numeric_limits<double>::infinity();
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "position not plausible");
   for (const float bad : {nan, 0.0F, 1e30F}) {
     bytes = message();
-    bytes.q_world_cam_xyzw({bad, bad, bad, bad});
+    bytes.before().q_world_cam_xyzw({bad, bad, bad, bad});
     EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "attitude is not a unit quaternion");
   }
   bytes = message();
-  bytes.pose_covariance()[0] = -1e-4F;
+  bytes.keyframe().covariance()[0] = -1e-4F;
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))),
             "pose covariance not positive definite or not plausible");
   bytes = message();

@@ -68,6 +68,19 @@ TEST(LinkState, RejectionsAreCountedByPeerAndReason) {
   EXPECT_EQ(state.arrived().messages, 2u);
 }
 
+TEST(LinkState, AWholeFilterIsForThisDroneOrForAll) {
+  LinkState state("uav0", 8);
+  state.receive(Kind::kFullMessage, encode(samples::full_keyframe("uav1", "uav0")), uav1_id());
+  state.receive(Kind::kFullMessage, encode(samples::full_keyframe("uav1", "")), uav1_id());
+  state.receive(Kind::kFullMessage, encode(samples::full_keyframe("uav1", "uav2")), uav1_id());
+  const std::vector<Inbound> inbox = state.take();
+  ASSERT_EQ(inbox.size(), 2u);
+  EXPECT_EQ(std::get<FullPeerKeyframe>(inbox[0]).keyframe.receiver, "uav0");
+  EXPECT_EQ(std::get<FullPeerKeyframe>(inbox[1]).keyframe.receiver, "");
+  EXPECT_EQ(state.arrived().messages, 3u);
+  EXPECT_EQ(state.statistics().message.received, 2u);
+}
+
 TEST(LinkState, AStatusThatOnlyRepeatsItselfIsDeliveredOnce) {
   LinkState state("uav0", 8);
   state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {}}), uav1_id());

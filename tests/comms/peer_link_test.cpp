@@ -229,6 +229,50 @@ TEST(PeerLink, ALockstepLinkSaysEverythingBeforeItGoes) {
   EXPECT_TRUE(reader.wait_for_inbox({20, 20}, kPatience));
 }
 
+FullPeerKeyframe large_message(const std::string& sender, const std::string& receiver) {
+  return {samples::keyframe(sender, receiver, 200),
+          samples::filter(12, 40)};  // 207 states, 0.35 MB
+}
+
+TEST(PeerLink, WholeFiltersReachOneDroneOrAllAndCountOnce) {
+  const auto config = [](const std::string& agent) {
+    LinkConfig out = lockstep_config(agent);
+    out.full_messages = true;
+    return out;
+  };
+  PeerLink a(config("uav0")), b(config("uav1")), c(config("uav2"));
+  ASSERT_TRUE(a.wait_for_peers({"uav1", "uav2"}, kPatience));
+  const FullPeerKeyframe for_all = large_message("uav0", "");
+  constexpr std::uint64_t kCount = 5;
+  for (std::uint64_t i = 0; i < kCount; ++i) ASSERT_TRUE(a.send(for_all));
+  ASSERT_TRUE(a.send(large_message("uav0", "uav2")));
+  EXPECT_FALSE(a.send(samples::keyframe("uav0", "uav1")));  // another sort of message
+  ASSERT_TRUE(b.wait_for_inbox({0, kCount}, kPatience));
+  ASSERT_TRUE(c.wait_for_inbox({0, kCount + 1}, kPatience));
+  const auto got = taken<FullPeerKeyframe>(b);
+  ASSERT_EQ(got.size(), kCount);
+  EXPECT_EQ(got.back().filter.covariance, for_all.filter.covariance);
+  EXPECT_EQ(taken<FullPeerKeyframe>(c).back().keyframe.receiver, "uav2");
+
+  const LinkStatistics sent = a.statistics();
+  EXPECT_EQ(sent.message.sent, kCount + 1);
+  EXPECT_EQ(sent.message.refused, 1u);
+  EXPECT_EQ(sent.messages_sent_to.at("uav1"), kCount);
+  EXPECT_EQ(sent.messages_sent_to.at("uav2"), kCount + 1);
+  EXPECT_EQ(sent.message.payload_bytes_sent,
+            kCount * encode(for_all).size() + encode(large_message("uav0", "uav2")).size());
+  EXPECT_GT(sent.wire_bytes_sent, (2 * kCount + 1) * encode(for_all).size());
+}
+
+TEST(PeerLink, DronesThatExchangeOtherMessagesAreNotPeers) {
+  LinkConfig full = team_config("uav0");
+  full.full_messages = true;
+  PeerLink a(full), b(team_config("uav1")), c(team_config("uav2"));
+  ASSERT_TRUE(b.wait_for_peers({"uav2"}, kPatience));
+  EXPECT_THAT(b.peers(), ElementsAre("uav2"));
+  EXPECT_THAT(a.peers(), IsEmpty());
+}
+
 TEST(PeerLink, DestroyingALinkAmidItsTrafficHarmsNobody) {
   PeerLink reader(team_config("uav0"));
   std::optional<PeerLink> writer(team_config("uav1"));

@@ -30,12 +30,13 @@ inline PeerLandmark landmark(std::uint64_t number) {
   out.bearing = {0.25, -0.125 * static_cast<double>(number % 7)};
   out.inverse_depth = 0.125;                          // 8 m
   out.inverse_depth_sigma = 0.125 * std::exp2(-4.0);  // 6 %
+  out.patch.fill(static_cast<std::uint8_t>(7 * number));
   return out;
 }
 
-inline KeyframePose keyframe_pose() {
+inline KeyframePose keyframe_pose(std::uint64_t id = 12) {
   KeyframePose out;
-  out.keyframe_id = 12;
+  out.keyframe_id = id;
   out.stamp_ns = 1'403'715'273'362'142'976;
   out.T_world_cam.linear() =
       Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
@@ -51,8 +52,33 @@ inline PeerKeyframe keyframe(const std::string& sender = "uav1",
   out.receiver = receiver;
   out.request_keyframe_id = 7;
   out.pose = keyframe_pose();
+  out.before = keyframe_pose(9);
+  out.patch_spacing = 0.0625 / 16;
   for (std::size_t i = 0; i < landmarks; ++i) out.landmarks.push_back(landmark(100 + i));
   return out;
+}
+
+// Of a filter whose calibration is not estimated.
+inline FilterSnapshot filter(Eigen::Index clones = 3, Eigen::Index landmarks = 2) {
+  FilterSnapshot out;
+  out.stamp_ns = 1'403'715'273'362'142'976;
+  out.state = Eigen::VectorXd::LinSpaced(24 + 7 * clones + 3 * landmarks, -0.5, 0.5);
+  const Eigen::Vector4d turned(0.1, -0.7, 0.1, 0.7);
+  out.state.segment<4>(6) = out.state.segment<4>(19) = turned;
+  for (Eigen::Index i = 0; i < clones; ++i) out.state.segment<4>(24 + 7 * i + 3) = turned;
+  for (Eigen::Index i = 0; i < landmarks; ++i) {
+    out.landmark_tracks.push_back(1'000'000'000'000 + static_cast<std::uint64_t>(i));
+    out.landmark_anchors.push_back(static_cast<std::uint8_t>(i % clones));
+  }
+  const Eigen::Index rows = 15 + 6 * clones + 3 * landmarks;
+  out.covariance = Eigen::MatrixXd::Constant(rows, rows, 1e-5);
+  out.covariance.diagonal() = Eigen::VectorXd::LinSpaced(rows, 1e-4, 1.0 / 3);
+  return out;
+}
+
+inline FullPeerKeyframe full_keyframe(const std::string& sender = "uav1",
+                                      const std::string& receiver = "uav0") {
+  return {keyframe(sender, receiver), filter()};
 }
 
 inline AgentStatus status(const std::string& agent = "uav0", std::uint32_t frames = 30) {

@@ -12,6 +12,6 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto decoded = covey::COVEY_DECODER(covey::Bytes(data, data + size));
   if (std::holds_alternative<covey::Rejected>(decoded)) return 0;
-  if (covey::encode(std::get<0>(decoded)).size() > covey::kMaxMessageBytes) std::abort();
+  if (covey::encode(std::get<0>(decoded)).size() > covey::kMaxFullMessageBytes) std::abort();
   return 0;
 }

@@ -27,6 +27,7 @@ void write_all(const std::filesystem::path& folder) {
   for (const std::size_t landmarks : {0u, 1u, 3u, 40u})
     write(folder / ("message_" + std::to_string(landmarks)),
           encode(covey::samples::keyframe("uav1", "uav0", landmarks)));
+  write(folder / "full_message", encode(covey::samples::full_keyframe()));
   write(folder / "status", encode(covey::StatusSample{covey::samples::status(), {1, 2}}));
   write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
 }

@@ -20,7 +20,7 @@ BEGIN {
   seam = "estimator/(measurements|so3|config)[.]h"
   project["estimator"] = "^estimator/"
   project["frontend"] = "^(frontend/|" seam "$)"
-  project["comms"] = "^(comms/|" seam "$)"
+  project["comms"] = "^(comms/|" seam "$|estimator/filter_snapshot[.]h$)"
   project["sim"] = "^(sim/|" seam "$|frontend/camera[.]h$)"
   project["apps"] = "^(apps|sim|frontend|comms|estimator)/"
   library["estimator"] = "^Eigen/"
