@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 
 #include "estimator/so3.h"
 
@@ -50,6 +51,17 @@ struct Normal {
   int inliers = 0;
 };
 
+// Standard deviation of the scale of the other drone's map. How its depths hang together nobody
+// says, but what they have in common is in each of them: at most what the best known one has.
+double common_scale_sigma(const KeyframeMatch& match) {
+  double least = 1;
+  for (const LandmarkMatch& landmark : match.matches) {
+    if (!(landmark.inverse_depth > 0)) continue;
+    least = std::min(least, landmark.inverse_depth_sigma / landmark.inverse_depth);
+  }
+  return least;
+}
+
 // Outliers keep a pull that no longer grows with their distance (Cauchy); inliers are counted.
 Normal accumulate(const KeyframeMatch& match, const Eigen::Isometry3d& T_other_own) {
   Normal normal;
@@ -84,6 +96,9 @@ std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, i
   if (cholesky.info() != Eigen::Success || cholesky.rcond() < 1e-12) return std::nullopt;
   RelativePose pose{match.drone, match.own, match.other, T, {}, normal.inliers};
   pose.covariance = cholesky.solve(Matrix6d::Identity());
+  // A map that is too large puts the own camera too far away.
+  const Eigen::Vector3d by_scale = common_scale_sigma(match) * T.translation();
+  pose.covariance.topLeftCorner<3, 3>() += by_scale * by_scale.transpose();
   return pose;
 }
 
