@@ -17,7 +17,9 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 constexpr int kSize = 6;                // of one keyframe's error
 constexpr double kMinVariance = 1e-10;  // m2 or rad2, of a step along a chain
-constexpr double kMaxTilt = 0.05;       // rad, between two worlds whose gravity is one
+constexpr int kMostPerKeyframe =
+    2;                             // relative poses of one drone: its answer, what is here already
+constexpr double kMaxTilt = 0.05;  // rad, between two worlds whose gravity is one
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
@@ -80,7 +82,7 @@ double wrapped(double angle) { return std::remainder(angle, 2 * M_PI); }
 
 DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
     : config_(config), gate_limit_(chi_square_quantile(config.gate_confidence, kSize)) {
-  drones_.push_back({std::move(own_name), {}, {}});
+  drones_.push_back({std::move(own_name), {}, {}, {}});
   drones_.front().world.known = true;
 }
 
@@ -88,7 +90,7 @@ int DriftFilter::drone_index(const std::string& name) {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     if (drones_[i].name == name) return static_cast<int>(i);
   }
-  drones_.push_back({name, {}, {}});
+  drones_.push_back({name, {}, {}, {}});
   drones_.back().world.known = config_.common_start;
   return static_cast<int>(drones_.size()) - 1;
 }
@@ -304,7 +306,26 @@ double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) const {
   return std::max(1.0, config_.same_corners_s / std::max(since_s, kShortest_s));
 }
 
+// However often a peer answers, it sees the same corners: their errors do not average out.
+bool DriftFilter::said_enough(const Drone& drone, std::uint64_t own_keyframe) const {
+  const auto known = drone.heard.find(own_keyframe);
+  if (known != drone.heard.end()) return known->second >= kMostPerKeyframe;
+  const bool full = drone.heard.size() >= static_cast<std::size_t>(config_.max_keyframes);
+  return full && own_keyframe < drone.heard.begin()->first;
+}
+
+void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
+  ++drone.heard[own_keyframe];
+  if (drone.heard.size() > static_cast<std::size_t>(config_.max_keyframes)) {
+    drone.heard.erase(drone.heard.begin());
+  }
+}
+
 DriftOutcome DriftFilter::use(int drone, const RelativePose& measurement) {
+  const std::uint64_t own_keyframe = measurement.own.keyframe_id;
+  if (said_enough(drones_[static_cast<std::size_t>(drone)], own_keyframe)) {
+    return DriftOutcome::kRepeated;
+  }
   make_room();
   const int own = find_or_insert(to_node(0, measurement.own));
   const int other = find_or_insert(to_node(drone, measurement.other));
@@ -331,6 +352,7 @@ DriftOutcome DriftFilter::use(int drone, const RelativePose& measurement) {
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_ += W.transpose() * cholesky.matrixL().solve(r);
   P_ -= W.transpose() * W;
+  count_used(drones_[static_cast<std::size_t>(drone)], own_keyframe);
   return DriftOutcome::kUsed;
 }
 

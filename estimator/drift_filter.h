@@ -29,7 +29,7 @@ struct DriftConfig {
   double gate_confidence = 0.999;  // share of good relative poses that pass the chi-square gate
   // A peer's claim to drift less than this share of the own odometry over the same time is not
   // believed (variances).
-  double least_claim = 0.1;
+  double least_claim = 0.5;
   // For about so long two drones that fly together see the same pairs of corners, and the errors of
   // their relative poses are not new each time: more of them say no more.
   double same_corners_s = 2.0;  // s
@@ -40,7 +40,7 @@ struct DriftConfig {
   double alignment_agree_rad = 0.03;  // rad
 };
 
-enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kInvalid };
+enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kRepeated, kInvalid };
 
 // A peer's world in the own one, as its newest common keyframe has it.
 struct WorldAlignment {
@@ -86,6 +86,7 @@ class DriftFilter {
     std::string name;
     World world;
     std::optional<TimeNs> last_used_ns;  // own stamp of its last relative pose
+    std::map<std::uint64_t, int> heard;  // relative poses used, by own keyframe; the newest ones
   };
 
   struct OwnDrift {
@@ -106,6 +107,9 @@ class DriftFilter {
   [[nodiscard]] bool align(World& world, const RelativePose& measurement);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
   [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns) const;
+  // Has the drone said all that is believed of it about this own keyframe?
+  [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
+  void count_used(Drone& drone, std::uint64_t own_keyframe);
   DriftOutcome use(int drone, const RelativePose& measurement);
 
   DriftConfig config_;
