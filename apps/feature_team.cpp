@@ -14,12 +14,15 @@ void record(TeamMember& member, const Odometry& odometry, const Pose& truth) {
   member.path.truth.push_back(truth);
 }
 
-void fuse(DriftFilter& drift, const KeyframeMatch& match, int min_matches, TeamMember& member) {
+void fuse(DriftFilter& drift, const std::string& own_name, const KeyframeMatch& match,
+          int min_matches, TeamMember& member) {
   const auto relative = estimate_relative_pose(match, min_matches);
   if (!relative) return;
   const DriftOutcome outcome = drift.add(*relative);
   member.used += outcome == DriftOutcome::kUsed ? 1 : 0;
   member.gated += outcome == DriftOutcome::kGated ? 1 : 0;
+  const bool of_peer = match.drone != own_name;
+  if (outcome == DriftOutcome::kUsed && of_peer) member.peers.insert(match.drone);
 }
 
 }  // namespace
@@ -50,7 +53,8 @@ std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange excha
   for (const std::string& name : team.names) filters.emplace_back(drift, name);
   const auto fuse_all = [&](std::size_t i, const std::vector<KeyframeMatch>& matches) {
     const double start_ms = thread_cpu_ms();
-    for (const KeyframeMatch& match : matches) fuse(filters[i], match, min_matches, members[i]);
+    for (const KeyframeMatch& match : matches)
+      fuse(filters[i], team.names[i], match, min_matches, members[i]);
     members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
   };
   for (std::size_t k = 0; k < team.flights.front().size(); ++k) {

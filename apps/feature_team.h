@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -27,8 +28,9 @@ struct SoloTeam {
 struct TeamMember {
   FlownPath path;
   Traffic traffic;
-  int used = 0, gated = 0;   // relative poses
-  double fusion_cpu_ms = 0;  // relative poses and drift filter
+  int used = 0, gated = 0;      // relative poses
+  std::set<std::string> peers;  // of whom one was used
+  double fusion_cpu_ms = 0;     // relative poses and drift filter
 };
 
 // Nobody hears of anybody.

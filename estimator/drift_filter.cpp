@@ -17,8 +17,8 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 constexpr int kSize = 6;                // of one keyframe's error
 constexpr double kMinVariance = 1e-10;  // m2 or rad2, of a step along a chain
-constexpr int kMostPerKeyframe =
-    2;                             // relative poses of one drone: its answer, what is here already
+// Relative poses of one drone: what is here already, and its answer.
+constexpr int kMostPerKeyframe = 2;
 constexpr double kMaxTilt = 0.05;  // rad, between two worlds whose gravity is one
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
