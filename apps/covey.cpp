@@ -15,6 +15,7 @@
 #include "apps/places_command.h"
 #include "apps/report_command.h"
 #include "apps/simulate_command.h"
+#include "apps/study_command.h"
 #include "apps/tables_command.h"
 #include "apps/team_command.h"
 #include "apps/train_vocabulary_command.h"
@@ -65,6 +66,7 @@ int run(int argc, char** argv) {
   covey::add_train_vocabulary_command(covey);
   covey::add_places_command(covey);
   covey::add_tables_command(covey);
+  covey::add_study_command(covey);
   return run(covey, argc, argv);
 }
 

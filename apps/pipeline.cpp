@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "apps/camera_pose.h"
 #include "apps/process_usage.h"
-#include "estimator/observation_model.h"
 #include "estimator/relative_pose.h"
 #include "estimator/so3.h"
 #include "frontend/vocabulary_visual.h"
@@ -24,23 +24,6 @@ CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
   return collaboration;
-}
-
-Eigen::Isometry3d camera_in_world(const Pose& pose, const CameraExtrinsics& extrinsics) {
-  const CameraPose camera = camera_pose(pose, extrinsics);
-  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
-  T_world_cam.linear() = camera.R_world_cam;
-  T_world_cam.translation() = camera.p_world_cam;
-  return T_world_cam;
-}
-
-// Of [dp dtheta] of the camera, both in world axes.
-Matrix6d camera_covariance(const Odometry& odometry, const CameraExtrinsics& extrinsics) {
-  const Eigen::Matrix3d R = odometry.pose.q_world_imu.toRotationMatrix();
-  Matrix6d J = Matrix6d::Identity();
-  J.topRightCorner<3, 3>() = -R * skew(extrinsics.p_imu_cam);
-  J.bottomRightCorner<3, 3>() = R;
-  return J * odometry.pose_covariance * J.transpose();
 }
 
 // Adds the time since its birth to one field.
@@ -253,6 +236,7 @@ PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
         peer_landmarks_.gated += relative->inliers;
         return PeerOutcome::kGated;
       case DriftOutcome::kUnaligned:
+      case DriftOutcome::kRepeated:
       case DriftOutcome::kInvalid:
         break;
     }

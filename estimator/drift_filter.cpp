@@ -23,6 +23,8 @@ constexpr int kSize = 6;                    // of one keyframe's error
 constexpr int kNewAtOnce = 3;               // keyframes of one relative pose
 constexpr double kMinVariance = 1e-10;      // m2 or rad2, of a step along a chain
 constexpr std::size_t kMaxHistory = 10000;  // own keyframes
+// Relative poses of one drone: what is here already, and its answer.
+constexpr int kMostPerKeyframe = 2;
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
@@ -73,7 +75,7 @@ Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
 
 DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
     : config_(config), gate_limit_(chi_square_quantile(config.gate_confidence, kSize)) {
-  drones_.push_back({std::move(own_name), {}, {}, {}});
+  drones_.push_back({std::move(own_name), {}, {}, {}, {}});
   drones_.front().world.known = true;
 }
 
@@ -82,7 +84,7 @@ std::optional<std::size_t> DriftFilter::drone_index(const std::string& name) {
     if (drones_[i].name == name) return i;
   }
   if (drones_.size() >= static_cast<std::size_t>(config_.max_drones)) return std::nullopt;
-  drones_.push_back({name, {}, {}, {}});
+  drones_.push_back({name, {}, {}, {}, {}});
   drones_.back().world.known = config_.common_start;
   return drones_.size() - 1;
 }
@@ -252,6 +254,21 @@ double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) {
   return std::max(1.0, config_.same_corners_s / std::max(since_s, kShortest_s));
 }
 
+// However often a peer answers, it sees the same corners: their errors do not average out.
+bool DriftFilter::said_enough(const Drone& drone, std::uint64_t own_keyframe) const {
+  const auto known = drone.heard.find(own_keyframe);
+  if (known != drone.heard.end()) return known->second >= kMostPerKeyframe;
+  const bool full = drone.heard.size() >= static_cast<std::size_t>(config_.max_keyframes);
+  return full && own_keyframe < drone.heard.begin()->first;
+}
+
+void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
+  ++drone.heard[own_keyframe];
+  if (drone.heard.size() > static_cast<std::size_t>(config_.max_keyframes)) {
+    drone.heard.erase(drone.heard.begin());
+  }
+}
+
 // How the share by which odometry has the way before -> other too short changes with the error at
 // `other`: the landmarks' depths, and with them the way between the cameras, are too short by it.
 Eigen::RowVector3d DriftFilter::scale_gradient(const Node& before, const Node& other) {
@@ -263,6 +280,8 @@ Eigen::RowVector3d DriftFilter::scale_gradient(const Node& before, const Node& o
 
 // r = e_own - e_other + [b]x dtheta_other - b g (dp_other - dp_before) + n, b from other to own.
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
+  const std::uint64_t own_keyframe = measurement.own.keyframe_id;
+  if (said_enough(drones_[drone], own_keyframe)) return DriftOutcome::kRepeated;
   make_room();
   const int own = find_or_insert(to_node(0, measurement.own));
   const int before = find_or_insert(to_node(drone, measurement.other_before));
@@ -295,6 +314,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_ += W.transpose() * cholesky.matrixL().solve(r);
   P_ -= W.transpose() * W;
+  count_used(drones_[drone], own_keyframe);
   return DriftOutcome::kUsed;
 }
 

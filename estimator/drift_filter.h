@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,7 +32,7 @@ struct DriftConfig {
   double gate_confidence = 0.999;  // share of good relative poses that pass the chi-square gate
   // A peer's claim to drift less than this share of the own odometry over the same time is not
   // believed (variances).
-  double least_claim = 0.1;
+  double least_claim = 0.5;
   // For about so long two drones that fly together see the same pairs of corners, and the errors of
   // their relative poses are not new each time: more of them say no more.
   double same_corners_s = 1.0;  // s
@@ -41,7 +42,7 @@ struct DriftConfig {
   int max_drones = 64;  // who invents more names is not heard
 };
 
-enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kInvalid };
+enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kRepeated, kInvalid };
 
 // A peer's world in the own one, as its newest common keyframe has it.
 struct WorldAlignment {
@@ -90,6 +91,7 @@ class DriftFilter {
     World world;
     WorldVote vote;
     std::optional<TimeNs> last_used_ns;  // own stamp of its last relative pose
+    std::map<std::uint64_t, int> heard;  // relative poses used, by own keyframe; the newest ones
   };
   // Indices of nodes; -1: none.
   struct Neighbours {
@@ -114,6 +116,9 @@ class DriftFilter {
   void forget(int index);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
   [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns);
+  // Has the drone said all that is believed of it about this own keyframe?
+  [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
+  void count_used(Drone& drone, std::uint64_t own_keyframe);
   [[nodiscard]] static Eigen::RowVector3d scale_gradient(const Node& before, const Node& other);
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
 

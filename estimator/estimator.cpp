@@ -486,6 +486,15 @@ std::vector<TrackDepth> Estimator::depths() {
   return depths;
 }
 
+std::vector<std::uint64_t> Estimator::slam_tracks() const {
+  std::vector<std::uint64_t> tracks;
+  if (!impl_->state) return tracks;
+  for (const SlamLandmark& landmark : impl_->state->landmarks()) {
+    tracks.push_back(landmark.track_id);
+  }
+  return tracks;
+}
+
 CameraExtrinsics Estimator::extrinsics() const {
   return impl_->state ? impl_->state->extrinsics() : impl_->config.extrinsics;
 }

@@ -4,6 +4,7 @@
 // one thread owns it. Same input, same output.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
@@ -74,7 +75,8 @@ class Estimator {
   // What the filter knows of the tracks of the newest image: SLAM features and, out of the window's
   // views, tracks that are none (MSCKF features to be, and opportunistic ones).
   [[nodiscard]] std::vector<TrackDepth> depths();
-  [[nodiscard]] CameraExtrinsics extrinsics() const;  // as calibrated so far
+  [[nodiscard]] std::vector<std::uint64_t> slam_tracks() const;  // tracks that are SLAM features
+  [[nodiscard]] CameraExtrinsics extrinsics() const;             // as calibrated so far
   // For exchanges that send whole filters. Empty before initialisation.
   [[nodiscard]] FilterSnapshot snapshot() const;
 

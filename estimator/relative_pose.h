@@ -25,9 +25,9 @@ struct RelativePose {
   int inliers = 0;
 };
 
-// From what was found in the image, if that is enough, else from the corners that both drones track.
-// Reweighted least squares over all six degrees of freedom from `match.T_other_own`. Nothing when
-// fewer than `min_inliers` matches agree or they do not fix the pose.
+// From what was found in the image, if that is enough, else from the corners that both drones
+// track. Reweighted least squares over all six degrees of freedom from `match.T_other_own`. Nothing
+// when fewer than `min_inliers` matches agree or they do not fix the pose.
 [[nodiscard]] std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match,
                                                                  int min_inliers);
 

@@ -304,7 +304,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   std::vector<KeyframeMatch> matches;
   const Keyframe* newest = database_.last();
   if (newest == nullptr) return matches;
-  const View view = view_of(*newest);
+  const CameraView view = view_of(*newest);
   struct Candidate {
     double difference = 0;
     const Keyframe* own = nullptr;
@@ -357,7 +357,7 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
   const std::vector<PeerLandmark>& landmarks = message.landmarks;
   double depths = 0;
   for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
-  const View view{match.own.T_world_cam * match.T_other_own.inverse(),
+  const CameraView view{match.own.T_world_cam * match.T_other_own.inverse(),
                   depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();

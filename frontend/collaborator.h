@@ -186,7 +186,7 @@ class Collaborator {
   struct Sight {
     std::string drone;
     KeyframePose pose, before;
-    View view;
+    CameraView view;
     double patch_spacing = 0;
     std::vector<PeerLandmark> landmarks;
   };

@@ -49,14 +49,14 @@ struct Keyframe {
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
 // Where a camera looks from, and how far.
-struct View {
+struct CameraView {
   Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
   double mean_depth = 1;  // m
 };
-[[nodiscard]] View view_of(const Keyframe& keyframe);
+[[nodiscard]] CameraView view_of(const Keyframe& keyframe);
 
 // How different two views are: the way between them over the depth, plus the angle.
-[[nodiscard]] double view_difference(const View& a, const View& b);
+[[nodiscard]] double view_difference(const CameraView& a, const CameraView& b);
 
 // Bounded. When full, of the two keyframes with the most similar views the newer one goes
 // (landmarks drift less the earlier they were mapped), so that a place stays as long as it is the

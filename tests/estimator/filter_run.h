@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "apps/disturbed_start.h"
 #include "estimator/estimator.h"
 #include "estimator/so3.h"
 #include "sim/feature_simulation.h"
@@ -27,23 +28,6 @@ struct FilterRun {
   int reinitialized = 0, refused = 0, used = 0, gated = 0;
   bool covariance_valid = true;
 };
-
-// The truth at time 0, disturbed by a draw from the covariance that the filter is told.
-inline InitialState disturbed_start(const DroneFeatures& drone, const ImuBias& bias,
-                                    std::uint64_t seed) {
-  Random random(seed, 0x57a7);
-  InitialState start;
-  const KinematicState truth = drone.trajectory.at(0);
-  start.stamp_ns = drone.imu.front().stamp_ns;
-  const Eigen::Vector3d tilt_yaw(start.tilt_sigma, start.tilt_sigma, start.yaw_sigma);
-  const Eigen::Vector3d turn_world = tilt_yaw.cwiseProduct(random.gaussian_vector());
-  start.pose.p_world_imu = truth.pose.p_world_imu + start.position_sigma * random.gaussian_vector();
-  start.pose.q_world_imu = exp_quaternion(turn_world) * truth.pose.q_world_imu;
-  start.v_world_imu = truth.v_world_imu + start.velocity_sigma * random.gaussian_vector();
-  start.gyro_bias = bias.gyro + start.gyro_bias_sigma * random.gaussian_vector();
-  start.accel_bias = bias.accel + start.accel_bias_sigma * random.gaussian_vector();
-  return start;
-}
 
 // The true calibration, disturbed by as much as the configuration admits for what it calibrates.
 inline CameraExtrinsics disturbed_extrinsics(const CameraExtrinsics& truth,

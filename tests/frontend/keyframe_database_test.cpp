@@ -39,7 +39,7 @@ TEST(MeanDepth, LeavesOutWhatIsBehindOrUncertain) {
 }
 
 TEST(ViewDifference, AddsTheWayOverTheDepthAndTheAngle) {
-  const View a{level_camera({0, 0, 0}), 8}, b{level_camera({0, 3, 0}, 0.2), 12};
+  const CameraView a{level_camera({0, 0, 0}), 8}, b{level_camera({0, 3, 0}, 0.2), 12};
   EXPECT_NEAR(view_difference(a, b), 0.3 + 0.2, 1e-12);
   EXPECT_EQ(view_difference(a, a), 0);
 }

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/feature_exchange.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <tuple>
+#include <unordered_set>
+#include <utility>
+#include <variant>
+
+#include "comms/checks.h"
+#include "comms/convert.h"
+#include "frontend/compact_place.h"
+#include "sim/random.h"
+
+namespace covey {
+namespace {
+
+CameraView view_of(const Eigen::Isometry3d& T_world_cam_true, double mean_depth) {
+  return {T_world_cam_true, mean_depth};
+}
+
+// Pairs of features that show the same landmark; both lists rise.
+std::vector<std::pair<const FlownFeature*, const FlownFeature*>> common(
+    const std::vector<FlownFeature>& a, const std::vector<FlownFeature>& b) {
+  std::vector<std::pair<const FlownFeature*, const FlownFeature*>> pairs;
+  std::size_t i = 0, k = 0;
+  while (i < a.size() && k < b.size()) {
+    if (a[i].landmark == b[k].landmark) {
+      pairs.emplace_back(&a[i++], &b[k++]);
+    } else {
+      ++(a[i].landmark < b[k].landmark ? i : k);
+    }
+  }
+  return pairs;
+}
+
+constexpr double kPatchSpacing = 0.00275;  // whose patches only count as bytes here
+
+// As Collaborator chooses it for the newest one.
+KeyframePose before(const std::deque<FlownKeyframe>& keyframes) {
+  constexpr double kDepthMemory_s = 3.0;
+  const KeyframePose& newest = keyframes.back().pose;
+  const auto old_enough =
+      std::find_if(keyframes.rbegin(), keyframes.rend(), [&](const FlownKeyframe& keyframe) {
+        return seconds_between(keyframe.pose.stamp_ns, newest.stamp_ns) >= kDepthMemory_s;
+      });
+  return old_enough == keyframes.rend() ? keyframes.front().pose : old_enough->pose;
+}
+
+}  // namespace
+
+FeatureExchange::FeatureExchange(const FeatureExchangeConfig& config,
+                                 std::vector<std::string> names)
+    : config_(config) {
+  for (std::string& name : names) {
+    drones_.push_back(
+        {std::move(name), false, {}, AnswerLimiter(config.limits.limiter), {}, {}, {}});
+  }
+}
+
+void FeatureExchange::falsify(std::size_t drone, const Falsehood& falsehood) {
+  drones_[drone].falsehood = falsehood;
+}
+
+void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyframe) {
+  Drone& self = drones_[drone];
+  self.keyframes.push_back(keyframe);
+  self.keyframes.back().before = before(self.keyframes);
+  if (self.silent) return;
+  const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
+  const PlaceAdvert advert{self.name, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, 1,
+                           std::vector<std::uint8_t>(corners * kCompactBytes)};
+  ++self.traffic.keyframes;
+  self.traffic.advert_bytes += encode(advert).size();
+}
+
+std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
+  const Drone& self = drones_[drone];
+  const FlownKeyframe& newest = self.keyframes.back();
+  const CameraView view = view_of(newest.T_world_cam_true, newest.mean_depth);
+  std::map<std::size_t, std::pair<double, Sight>> nearest;  // by drone
+  const auto consider = [&](const Sight& sight) {
+    const double difference =
+        view_difference(view_of(sight.T_world_cam_true, sight.mean_depth), view);
+    if (difference > config_.limits.revisit_max_difference) return;
+    const auto known = nearest.find(sight.drone);
+    if (known == nearest.end() || difference < known->second.first) {
+      nearest[sight.drone] = {difference, sight};
+    }
+  };
+  for (const FlownKeyframe& old : self.keyframes) {
+    if (!config_.own_loops) break;
+    if (seconds_between(old.pose.stamp_ns, newest.pose.stamp_ns) < config_.limits.loop_min_age_s)
+      break;
+    consider(sight_of(drone, old));
+  }
+  for (const Sight& peer : self.remembered) consider(peer);
+
+  std::vector<std::pair<double, Sight>> candidates;
+  for (auto& [other, candidate] : nearest) candidates.push_back(std::move(candidate));
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  const auto most = static_cast<std::size_t>(config_.limits.max_revisits);
+  if (candidates.size() > most) candidates.resize(most);
+  std::vector<KeyframeMatch> matches;
+  for (const auto& [difference, sight] : candidates) {
+    if (auto found = match(drone, newest, sight)) matches.push_back(std::move(*found));
+  }
+  return matches;
+}
+
+std::vector<KeyframeMatch> FeatureExchange::ask(std::size_t drone) {
+  Drone& self = drones_[drone];
+  std::vector<KeyframeMatch> matches;
+  if (self.silent) return matches;
+  const FlownKeyframe& own = self.keyframes.back();
+  for (std::size_t peer = 0; peer < drones_.size(); ++peer) {
+    if (peer == drone || drones_[peer].silent) continue;
+    AnswerLimiter& limiter = drones_[peer].limiter;
+    if (!limiter.allows(self.name, own.pose.stamp_ns)) continue;
+    const std::optional<Sight> best = best_answer(peer, own);
+    if (!best || !limiter.allows(self.name, best->pose.keyframe_id, own.pose.stamp_ns)) continue;
+    limiter.sent(self.name, best->pose.keyframe_id, own.pose.stamp_ns);
+    const std::optional<Sight> received = send(drone, own.pose.keyframe_id, *best);
+    if (!received) continue;
+    auto found = match(drone, own, *received);
+    if (!found) continue;
+    matches.insert(matches.end(), static_cast<std::size_t>(config_.copies), *found);
+    const bool known =
+        std::any_of(self.remembered.begin(), self.remembered.end(), [&](const Sight& sight) {
+          return sight.drone == peer && sight.pose.keyframe_id == received->pose.keyframe_id;
+        });
+    if (known) continue;
+    if (self.remembered.size() >= config_.limits.remembered) self.remembered.pop_front();
+    self.remembered.push_back(*received);
+  }
+  return matches;
+}
+
+FeatureExchange::Sight FeatureExchange::sight_of(std::size_t drone,
+                                                 const FlownKeyframe& keyframe) const {
+  Sight sight{drone, keyframe.pose, keyframe.before, keyframe.T_world_cam_true, keyframe.mean_depth,
+              {}};
+  for (const FlownFeature& feature : keyframe.features) {
+    const bool wanted = config_.landmarks == SharedLandmarks::kAll ||
+                        (config_.landmarks == SharedLandmarks::kSlam) == feature.slam;
+    const bool certain =
+        feature.inverse_depth > 0 &&
+        feature.inverse_depth_sigma <= config_.limits.max_relative_sigma * feature.inverse_depth;
+    if (wanted && certain) sight.landmarks.push_back(feature);
+  }
+  return sight;
+}
+
+// As many as an answer holds, first those that the asking one sees too, rising landmarks.
+void FeatureExchange::keep_most_useful(Sight& sight, const FlownKeyframe& seen) const {
+  const auto most = static_cast<std::size_t>(config_.limits.max_landmarks);
+  if (sight.landmarks.size() <= most) return;
+  std::unordered_set<std::size_t> shared;
+  for (const auto& [theirs, own] : common(seen.features, sight.landmarks)) {
+    shared.insert(own->landmark);
+  }
+  const auto by_landmark = [](const FlownFeature& a, const FlownFeature& b) {
+    return a.landmark < b.landmark;
+  };
+  std::stable_partition(
+      sight.landmarks.begin(), sight.landmarks.end(),
+      [&](const FlownFeature& feature) { return shared.count(feature.landmark) > 0; });
+  sight.landmarks.resize(most);
+  std::sort(sight.landmarks.begin(), sight.landmarks.end(), by_landmark);
+}
+
+// The keyframe that shares most with what the asking one sees, of the larger one's features.
+std::optional<FeatureExchange::Sight> FeatureExchange::best_answer(
+    std::size_t drone, const FlownKeyframe& seen) const {
+  std::optional<Sight> best;
+  double best_score = 0;
+  for (const FlownKeyframe& keyframe : drones_[drone].keyframes) {
+    Sight sight = sight_of(drone, keyframe);
+    const std::size_t shared = common(seen.features, sight.landmarks).size();
+    if (shared < static_cast<std::size_t>(config_.limits.min_landmarks)) continue;
+    const double score =
+        static_cast<double>(shared) /
+        static_cast<double>(std::max(seen.features.size(), sight.landmarks.size()));
+    if (score <= best_score) continue;
+    best_score = score;
+    best = std::move(sight);
+  }
+  if (best) keep_most_useful(*best, seen);
+  return best;
+}
+
+std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver,
+                                                            std::uint64_t request,
+                                                            const Sight& sight) {
+  Drone& sender = drones_[sight.drone];
+  PeerKeyframe message{sender.name,  drones_[receiver].name, request, sight.pose,
+                       sight.before, kPatchSpacing,          {}};
+  for (KeyframePose* pose : {&message.pose, &message.before}) {
+    pose->T_world_cam.translation() += sender.falsehood.offset_world;
+    pose->covariance *= sender.falsehood.claimed_sigmas * sender.falsehood.claimed_sigmas;
+  }
+  for (const FlownFeature& landmark : sight.landmarks) {
+    message.landmarks.push_back(
+        {{}, landmark.bearing, landmark.inverse_depth, landmark.inverse_depth_sigma, {}});
+  }
+  if (problem_with(message)) return std::nullopt;
+  const Bytes bytes = encode(message);
+  const auto decoded = decode_peer_keyframe(bytes);
+  const auto* arrived = std::get_if<PeerKeyframe>(&decoded);
+  if (arrived == nullptr) return std::nullopt;
+  ++sender.traffic.answers;
+  sender.traffic.answer_bytes += bytes.size();
+  Sight received = sight;
+  received.pose = arrived->pose;
+  received.before = arrived->before;
+  for (std::size_t i = 0; i < received.landmarks.size(); ++i) {
+    received.landmarks[i].bearing = arrived->landmarks[i].bearing;
+    received.landmarks[i].inverse_depth = arrived->landmarks[i].inverse_depth;
+    received.landmarks[i].inverse_depth_sigma = arrived->landmarks[i].inverse_depth_sigma;
+  }
+  return received;
+}
+
+// The rough relative pose, which geometric verification finds from descriptors, is the true one.
+std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const FlownKeyframe& own,
+                                                    const Sight& other) const {
+  const auto pairs = common(own.features, other.landmarks);
+  if (pairs.size() < static_cast<std::size_t>(config_.limits.min_matches)) return std::nullopt;
+  KeyframeMatch match;
+  match.drone = drones_[other.drone].name;
+  match.own = own.pose;
+  match.other = other.pose;
+  match.other_before = other.before;
+  match.T_other_own = other.T_world_cam_true.inverse() * own.T_world_cam_true;
+  // Both bearings are measured, and their corners are not the same.
+  match.bearing_sigma = std::sqrt(2 * config_.bearing_sigma * config_.bearing_sigma +
+                                  config_.corner_mismatch * config_.corner_mismatch);
+  for (const auto& [mine, theirs] : pairs) {
+    match.matches.push_back(
+        {mine->track_id,
+         mine->bearing + mismatch(drone, mine->track_id, other.drone, theirs->track_id),
+         theirs->bearing, theirs->inverse_depth, theirs->inverse_depth_sigma});
+  }
+  return match;
+}
+
+// Constant for a pair of tracks, the opposite seen from the other side, none of a track with
+// itself.
+Eigen::Vector2d FeatureExchange::mismatch(std::size_t drone, std::uint64_t track,
+                                          std::size_t other_drone,
+                                          std::uint64_t other_track) const {
+  const std::pair<std::uint64_t, std::uint64_t> here(drone, track), there(other_drone, other_track);
+  if (here == there) return Eigen::Vector2d::Zero();
+  const auto& [first, second] = std::minmax(here, there);
+  const std::uint64_t tracks = (first.second << 32) + second.second;
+  const std::uint64_t drones = (first.first << 32) + second.first;
+  Random random(config_.seed + (drones << 8), tracks);
+  const double x = random.gaussian(), y = random.gaussian();
+  return (here < there ? 1 : -1) * config_.corner_mismatch * Eigen::Vector2d(x, y);
+}
+
+}  // namespace covey

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/study_command.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "apps/study_report.h"
+#include "apps/team_study.h"
+
+namespace covey {
+namespace {
+
+struct Options {
+  std::string what, out;
+  std::vector<int> team_sizes{2, 4, 8, 16, 32};
+  int drones = 4;
+  StudyConfig study;
+};
+
+void study_scaling(const Options& options) {
+  std::vector<ScalingPoint> points;
+  for (const int drones : options.team_sizes) {
+    points.push_back(study_team_size(options.study, drones));
+    std::fprintf(stderr, "%d drones: done\n", drones);
+  }
+  write_scaling(options.out, options.study, points);
+  std::fputs(scaling_table(points).c_str(), stdout);
+}
+
+void study_ablation(const Options& options) {
+  const std::vector<AblationRow> rows = study_parts(options.study, options.drones);
+  write_ablation(options.out, options.study, rows);
+  std::fputs(ablation_table(rows).c_str(), stdout);
+}
+
+void study(const Options& options) {
+  if (options.what == "scaling") {
+    study_scaling(options);
+  } else {
+    study_ablation(options);
+  }
+}
+
+}  // namespace
+
+void add_study_command(CLI::App& covey) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      covey.add_subcommand("study", "Measure on simulated features what flying together is worth");
+  command->footer(
+      "Examples: covey study scaling --out scaling\n"
+      "          covey study ablation --scenario mars_yard --seconds 30 --seeds 10 --out ablation\n"
+      "Writes scaling.csv and scaling.svg, or ablation.csv, and summary.json.");
+  command
+      ->add_option("what", options->what,
+                   "scaling: against the number of drones; ablation: "
+                   "with parts taken away")
+      ->required()
+      ->check(CLI::IsMember({"scaling", "ablation"}));
+  command->add_option("--out", options->out, "Folder to write into")->required()->type_name("DIR");
+  command->add_option("--scenario", options->study.scenario, "Who flies where")
+      ->capture_default_str();
+  command
+      ->add_option("--seconds", options->study.duration_s, "Of each flight; 0: the scenario's own")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 3600.0));
+  command->add_option("--seeds", options->study.seeds, "Runs from seed 1 on")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10000));
+  command
+      ->add_option("--mismatch", options->study.corner_mismatch_px,
+                   "Pixels between two drones' corners on one landmark")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 10.0));
+  command->add_option("--sizes", options->team_sizes, "scaling: teams of so many drones")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 64));
+  command->add_option("--drones", options->drones, "ablation: in the team")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 64));
+  command->callback([options] { study(*options); });
+}
+
+}  // namespace covey

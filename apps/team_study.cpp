@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/team_study.h"
+
+#include <functional>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "apps/feature_team.h"
+
+namespace covey {
+namespace {
+
+struct SimulatedTeam {
+  FeatureSimulation simulation;
+  EstimatorConfig estimator;
+  FeatureExchangeConfig exchange;
+  SoloTeam solo;
+};
+
+// Names and ids are free text: these do not fit into a signed byte.
+std::string name_of(std::size_t drone) { return "hawk-" + std::to_string(200 + drone); }
+
+SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t seed) {
+  const std::optional<Scenario> place = scenario_from_name(config.scenario);
+  if (!place) {
+    throw std::runtime_error("study: no scenario '" + config.scenario +
+                             "'; take castle_around, castle_parallel, mars_yard or room");
+  }
+  FeatureScenario scenario;
+  scenario.flight.scenario = *place;
+  scenario.flight.agents = drones;
+  scenario.flight.duration_s = config.duration_s;
+  scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
+  SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}};
+  for (std::size_t i = 0; i < team.simulation.drones.size(); ++i) {
+    team.simulation.drones[i].name = name_of(i);
+  }
+  team.estimator.imu_noise = scenario.imu.noise;
+  team.exchange.bearing_sigma = scenario.camera.pixel_sigma / scenario.camera.focal_px;
+  team.exchange.corner_mismatch = config.corner_mismatch_px / scenario.camera.focal_px;
+  team.exchange.seed = seed;
+  team.solo = fly_team_alone(team.simulation, team.estimator, team.exchange.limits.keyframe, seed);
+  return team;
+}
+
+std::vector<TeamMember> fuse(const SimulatedTeam& team, const FeatureExchangeConfig& exchange) {
+  return fuse_jointly(team.solo, FeatureExchange(exchange, team.solo.names), DriftConfig{},
+                      exchange.limits.min_matches);
+}
+
+void add(TeamFigures& sum, const std::vector<TeamMember>& members, int seeds) {
+  constexpr double kDegreesOfFreedom = 3;
+  const double share = 1 / (static_cast<double>(members.size()) * seeds);
+  for (const TeamMember& member : members) {
+    const PathFigures figures = figures_of(member.path);
+    sum.aligned_m += share * figures.aligned_m;
+    sum.unaligned_m += share * figures.unaligned_m;
+    sum.position_nees += share * figures.position_nees / kDegreesOfFreedom;
+    sum.orientation_nees += share * figures.orientation_nees / kDegreesOfFreedom;
+  }
+}
+
+double flown_s(const TeamMember& member) {
+  return seconds_between(member.path.odometry.front().stamp_ns,
+                         member.path.odometry.back().stamp_ns);
+}
+
+using Variant =
+    std::pair<std::string, std::function<std::vector<TeamMember>(const SimulatedTeam&)>>;
+
+std::vector<TeamMember> fuse_parts(const SimulatedTeam& team, SharedLandmarks landmarks,
+                                   bool own_loops) {
+  FeatureExchangeConfig exchange = team.exchange;
+  exchange.landmarks = landmarks;
+  exchange.own_loops = own_loops;
+  return fuse(team, exchange);
+}
+
+std::vector<TeamMember> fuse_own_loops(const SimulatedTeam& team) {
+  FeatureExchange exchange(team.exchange, team.solo.names);
+  for (std::size_t i = 0; i < team.solo.names.size(); ++i) exchange.silence(i);
+  return fuse_jointly(team.solo, exchange, DriftConfig{}, team.exchange.limits.min_matches);
+}
+
+// No corner is off, and everybody answers every keyframe with all that it has.
+std::vector<TeamMember> fuse_unlimited(const SimulatedTeam& team) {
+  FeatureExchangeConfig exchange = team.exchange;
+  exchange.limits.limiter.answer_interval_s = 0;
+  exchange.limits.limiter.resend_interval_s = 0;
+  exchange.limits.max_revisits = static_cast<int>(team.solo.names.size());
+  exchange.corner_mismatch = 0;
+  return fuse(team, exchange);
+}
+
+std::vector<Variant> variants() {
+  return {
+      {"alone", [](const SimulatedTeam& team) { return alone(team.solo); }},
+      {"own loop closures alone", fuse_own_loops},
+      {"SLAM features alone",
+       [](const SimulatedTeam& team) { return fuse_parts(team, SharedLandmarks::kSlam, false); }},
+      {"window tracks alone (MSCKF)",
+       [](const SimulatedTeam& team) { return fuse_parts(team, SharedLandmarks::kWindow, false); }},
+      {"both",
+       [](const SimulatedTeam& team) { return fuse_parts(team, SharedLandmarks::kAll, false); }},
+      {"both and own loop closures: joint, the default",
+       [](const SimulatedTeam& team) { return fuse_parts(team, SharedLandmarks::kAll, true); }},
+      {"covariance intersection in the filter",
+       [](const SimulatedTeam& team) {
+         return fuse_by_intersection(team.simulation, team.estimator, team.exchange.limits.keyframe,
+                                     team.exchange.seed,
+                                     FeatureExchange(team.exchange, team.solo.names));
+       }},
+      {"joint, unlimited answers, corners coincide", fuse_unlimited},
+  };
+}
+
+}  // namespace
+
+ScalingPoint study_team_size(const StudyConfig& config, int drones) {
+  ScalingPoint point;
+  point.drones = drones;
+  for (int seed = 1; seed <= config.seeds; ++seed) {
+    const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
+    add(point.alone, alone(team.solo), config.seeds);
+    const std::vector<TeamMember> together = fuse(team, team.exchange);
+    add(point.together, together, config.seeds);
+    const double share = 1 / (static_cast<double>(drones) * config.seeds);
+    for (const TeamMember& member : together) {
+      const double per_s = share / flown_s(member);
+      const auto questions = static_cast<double>(member.traffic.advert_bytes);
+      const auto answers = static_cast<double>(member.traffic.answer_bytes);
+      point.overlapping_peers += share * static_cast<double>(member.peers.size());
+      point.question_bytes_per_s += per_s * questions;
+      point.answer_bytes_per_s += per_s * answers;
+      point.sent_bytes_per_s += per_s * (answers + questions * (drones - 1));
+      point.fusion_ms_per_s += per_s * member.fusion_cpu_ms;
+    }
+  }
+  return point;
+}
+
+std::vector<AblationRow> study_parts(const StudyConfig& config, int drones) {
+  const std::vector<Variant> all = variants();
+  std::vector<AblationRow> rows(all.size());
+  for (int seed = 1; seed <= config.seeds; ++seed) {
+    const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const std::vector<TeamMember> members = all[i].second(team);
+      rows[i].variant = all[i].first;
+      add(rows[i].figures, members, config.seeds);
+      for (const TeamMember& member : members) {
+        rows[i].relative_poses +=
+            member.used / (static_cast<double>(members.size()) * config.seeds);
+      }
+    }
+  }
+  return rows;
+}
+
+}  // namespace covey

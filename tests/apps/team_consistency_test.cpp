@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Is a team as good as it says, and what can one bad peer do to it? Simulated features, every
+// drone's real filter and drift filter; starts disturbed by the covariance that the filter is told.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "apps/feature_team.h"
+#include "estimator/relative_pose.h"
+
+namespace covey {
+namespace {
+
+#ifdef NDEBUG
+constexpr int kSeeds = 50, kFewSeeds = 12;
+constexpr bool kEnoughForStatistics = true;
+#else
+constexpr int kSeeds = 2, kFewSeeds = 1;  // unoptimised builds look for crashes only
+constexpr bool kEnoughForStatistics = false;
+#endif
+constexpr int kThreads = 2;
+constexpr std::size_t kDrones = 4, kBadPeer = 3;
+constexpr std::size_t kBins = 8;  // of time
+constexpr double kLeast = 0.5, kMost = 1.3, kDegreesOfFreedom = 3;
+constexpr std::array<Scenario, 4> kScenarios{Scenario::kRoom, Scenario::kCastleAround,
+                                             Scenario::kMarsYard, Scenario::kCastleParallel};
+
+struct SimulatedTeam {
+  SoloTeam solo;
+  FeatureExchangeConfig exchange;
+};
+
+SimulatedTeam simulate_team(Scenario place, std::uint64_t seed) {
+  constexpr double kCornerMismatch_px = 0.15;  // as between two rendered drones
+  FeatureScenario scenario;
+  scenario.flight.scenario = place;
+  scenario.flight.agents = static_cast<int>(kDrones);
+  scenario.flight.duration_s = 9;
+  scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
+  EstimatorConfig config;
+  config.imu_noise = scenario.imu.noise;
+  SimulatedTeam team;
+  team.exchange.bearing_sigma = scenario.camera.pixel_sigma / scenario.camera.focal_px;
+  team.exchange.corner_mismatch = kCornerMismatch_px / scenario.camera.focal_px;
+  team.exchange.seed = seed;
+  team.solo = fly_team_alone(simulate_features(scenario, seed), config,
+                             team.exchange.limits.keyframe, seed);
+  return team;
+}
+
+std::vector<TeamMember> together(const SimulatedTeam& team, const FeatureExchange& exchange) {
+  return fuse_jointly(team.solo, exchange, DriftConfig{}, team.exchange.limits.min_matches);
+}
+
+template <typename Work>
+void for_seeds(int seeds, const Work& work) {
+  std::atomic<int> next{1};
+  const auto take = [&] {
+    for (int seed = next++; seed <= seeds; seed = next++) work(seed);
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kThreads; ++i) threads.emplace_back(take);
+  for (std::thread& thread : threads) thread.join();
+}
+
+struct TimeBin {
+  double position = 0, orientation = 0;  // sums of NEES over degrees of freedom
+  int count = 0;
+};
+using TimeBins = std::array<TimeBin, kBins>;
+
+void add(TimeBins& bins, const FlownPath& path) {
+  const std::size_t images = path.truth.size();
+  for (std::size_t k = 0; k < images; ++k) {
+    const NeesSample nees = nees_of(path.odometry[k], path.truth[k]);
+    TimeBin& bin = bins[k * kBins / images];
+    bin.position += nees.position / kDegreesOfFreedom;
+    bin.orientation += nees.orientation / kDegreesOfFreedom;
+    ++bin.count;
+  }
+}
+
+void expect_consistent(const TimeBins& bins) {
+  for (std::size_t i = 0; i < kBins; ++i) {
+    const double position = bins[i].position / bins[i].count;
+    const double orientation = bins[i].orientation / bins[i].count;
+    const std::string name = "eighth " + std::to_string(i + 1) + " of the flight";
+    ::testing::Test::RecordProperty("position_nees_" + std::to_string(i + 1),
+                                    std::to_string(position));
+    ::testing::Test::RecordProperty("orientation_nees_" + std::to_string(i + 1),
+                                    std::to_string(orientation));
+    EXPECT_GT(position, kLeast) << name;
+    EXPECT_LT(position, kMost) << name;
+    EXPECT_GT(orientation, kLeast) << name;
+    EXPECT_LT(orientation, kMost) << name;
+  }
+}
+
+TEST(TeamConsistency, ErrorsOfFourDronesTogetherAreAsLargeAsTheCovarianceSays) {
+  std::vector<std::vector<TeamMember>> flown(kSeeds);
+  for_seeds(kSeeds, [&](int seed) {
+    const auto team = simulate_team(kScenarios[static_cast<std::size_t>(seed) % kScenarios.size()],
+                                    static_cast<std::uint64_t>(seed));
+    flown[static_cast<std::size_t>(seed) - 1] =
+        together(team, FeatureExchange(team.exchange, team.solo.names));
+  });
+  TimeBins bins;
+  int used = 0;
+  for (const std::vector<TeamMember>& members : flown) {
+    for (const TeamMember& member : members) {
+      add(bins, member.path);
+      used += member.used;
+    }
+  }
+  EXPECT_GT(used, kSeeds * 20);  // or it was no team
+  if (kEnoughForStatistics) expect_consistent(bins);
+}
+
+// What the drones but the last one came to, over all seeds.
+struct Others {
+  double aligned_m = 0, unaligned_m = 0;           // means of the drones' RMSE
+  double position_nees = 0, orientation_nees = 0;  // means, over degrees of freedom
+};
+
+void add(Others& others, const std::vector<TeamMember>& members) {
+  const double share = 1.0 / (static_cast<double>(kBadPeer) * kFewSeeds);
+  for (std::size_t i = 0; i < kBadPeer; ++i) {
+    const PathFigures figures = figures_of(members[i].path);
+    others.aligned_m += share * figures.aligned_m;
+    others.unaligned_m += share * figures.unaligned_m;
+    others.position_nees += share * figures.position_nees / kDegreesOfFreedom;
+    others.orientation_nees += share * figures.orientation_nees / kDegreesOfFreedom;
+  }
+}
+
+void expect_not_hurt(const Others& with_bad_peer, const Others& without) {
+  constexpr double kMostLoss = 1.05;
+  EXPECT_LT(with_bad_peer.aligned_m, kMostLoss * without.aligned_m);
+  EXPECT_LT(with_bad_peer.unaligned_m, kMostLoss * without.unaligned_m);
+  EXPECT_LT(with_bad_peer.position_nees, kMost);
+  EXPECT_LT(with_bad_peer.orientation_nees, kMost);
+}
+
+// Wrong: by 5 m. Lies: claims a hundredth of its sigmas. Echoes: every answer comes three times.
+TEST(TeamConsistency, OnePeerThatIsWrongOrLiesCostsTheOthersAtMostFivePercent) {
+  enum Case : std::size_t { kSilent, kWrong, kLies, kWrongAndLies, kEchoes, kCases };
+  std::vector<std::array<std::vector<TeamMember>, kCases>> flown(kFewSeeds);
+  for_seeds(kFewSeeds, [&](int seed) {
+    const auto team = simulate_team(Scenario::kCastleParallel, static_cast<std::uint64_t>(seed));
+    auto& result = flown[static_cast<std::size_t>(seed) - 1];
+    FeatureExchange silent(team.exchange, team.solo.names);
+    silent.silence(kBadPeer);
+    result[kSilent] = together(team, silent);
+    const auto with = [&](const Falsehood& falsehood) {
+      FeatureExchange exchange(team.exchange, team.solo.names);
+      exchange.falsify(kBadPeer, falsehood);
+      return together(team, exchange);
+    };
+    result[kWrong] = with({{5, 0, 0}, 1});
+    result[kLies] = with({{0, 0, 0}, 0.01});
+    result[kWrongAndLies] = with({{0, 5, 0}, 0.01});
+    FeatureExchangeConfig echoing = team.exchange;
+    echoing.copies = 3;
+    result[kEchoes] = together(team, FeatureExchange(echoing, team.solo.names));
+  });
+  std::array<Others, kCases> others;
+  for (const auto& result : flown) {
+    for (std::size_t i = 0; i < kCases; ++i) add(others[i], result[i]);
+  }
+  if (!kEnoughForStatistics) return;
+  for (const Case bad : {kWrong, kLies, kWrongAndLies, kEchoes}) {
+    SCOPED_TRACE("case " + std::to_string(bad));
+    expect_not_hurt(others[bad], others[kSilent]);
+  }
+}
+
+// Variance of the first drone's position (m2) once it has heard the same answer so many times.
+double variance_after(const SimulatedTeam& team, const RelativePose& answer, int times) {
+  DriftFilter filter(DriftConfig{}, team.solo.names[0]);
+  for (const FlownImage& image : team.solo.flights[0]) {
+    if (image.keyframe) filter.add_own(image.keyframe->pose);
+  }
+  for (int i = 0; i < times; ++i) (void)filter.add(answer);
+  const Odometry odometry = filter.corrected(team.solo.flights[0].back().alone);
+  return odometry.pose_covariance.topLeftCorner<3, 3>().trace();
+}
+
+TEST(TeamConsistency, TheSameAnswerAHundredTimesSaysNoMoreThanTwice) {
+  const SimulatedTeam team = simulate_team(Scenario::kCastleParallel, 3);
+  FeatureExchange exchange(team.exchange, team.solo.names);
+  for (std::size_t i = 0; i < kDrones; ++i) {
+    for (const FlownImage& image : team.solo.flights[i]) {
+      if (image.keyframe) exchange.add_keyframe(i, *image.keyframe);
+    }
+  }
+  const std::vector<KeyframeMatch> answers = exchange.ask(0);
+  ASSERT_FALSE(answers.empty());
+  const auto answer = estimate_relative_pose(answers.front(), team.exchange.limits.min_matches);
+  ASSERT_TRUE(answer);
+  const double often = variance_after(team, *answer, 100);
+  EXPECT_LT(often, variance_after(team, *answer, 0));
+  EXPECT_GE(often, (1 - 1e-9) * variance_after(team, *answer, 2));
+}
+
+}  // namespace
+}  // namespace covey
