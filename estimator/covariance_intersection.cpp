@@ -5,42 +5,50 @@
 #include <cmath>
 
 namespace covey {
+namespace {
 
-IntersectedPoint intersect_covariances(const PointEstimate& a, const PointEstimate& b) {
-  const Eigen::Matrix3d A = a.covariance.inverse();
-  const Eigen::Matrix3d B = b.covariance.inverse();
-  const auto fused_covariance = [&](double w) -> Eigen::Matrix3d {
-    return (w * A + (1 - w) * B).inverse();
-  };
-  // The trace is convex in w: golden section.
+constexpr int kIterations = 24;        // each shrinks the interval to 62 %
+constexpr double kLeastWeight = 1e-4;  // of either: nothing is divided by zero
+
+// A Kalman update of A / w by B / (1 - w).
+Intersection intersection_at(double w, const Eigen::Matrix4d& A, const Eigen::Matrix4d& B) {
+  const Eigen::Matrix4d scaled = A / w;
+  Intersection result;
+  result.weight = w;
+  result.K = scaled * (scaled + B / (1 - w)).inverse();
+  const Eigen::Matrix4d C = scaled - result.K * scaled;
+  result.covariance = (C + C.transpose()) / 2;
+  return result;
+}
+
+}  // namespace
+
+Intersection intersect_covariances(const Eigen::Matrix4d& A, const Eigen::Matrix4d& B,
+                                   const Eigen::Matrix4d& Q) {
+  const auto cost = [&](double w) { return (Q * intersection_at(w, A, B).covariance).trace(); };
+  // The cost is convex in w: golden section.
   const double ratio = (std::sqrt(5.0) - 1) / 2;
-  double low = 0, high = 1;
+  double low = kLeastWeight, high = 1 - kLeastWeight;
   double left = high - ratio * (high - low), right = low + ratio * (high - low);
-  double trace_left = fused_covariance(left).trace(), trace_right = fused_covariance(right).trace();
-  for (int i = 0; i < 24; ++i) {
-    if (trace_left < trace_right) {
+  double cost_left = cost(left), cost_right = cost(right);
+  for (int i = 0; i < kIterations; ++i) {
+    if (cost_left < cost_right) {
       high = right;
       right = left;
-      trace_right = trace_left;
+      cost_right = cost_left;
       left = high - ratio * (high - low);
-      trace_left = fused_covariance(left).trace();
+      cost_left = cost(left);
     } else {
       low = left;
       left = right;
-      trace_left = trace_right;
+      cost_left = cost_right;
       right = low + ratio * (high - low);
-      trace_right = fused_covariance(right).trace();
+      cost_right = cost(right);
     }
   }
-  double w = (low + high) / 2;
-  const double trace = fused_covariance(w).trace();
-  if (a.covariance.trace() <= trace) w = 1;
-  if (b.covariance.trace() < std::min(trace, a.covariance.trace())) w = 0;
-  IntersectedPoint result;
-  result.weight = w;
-  result.fused.covariance = fused_covariance(w);
-  result.fused.mean = result.fused.covariance * (w * A * a.mean + (1 - w) * B * b.mean);
-  return result;
+  const Intersection best = intersection_at((low + high) / 2, A, B);
+  if ((Q * A).trace() <= (Q * best.covariance).trace()) return {1, Eigen::Matrix4d::Zero(), A};
+  return best;
 }
 
 }  // namespace covey

@@ -1,24 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Fusing two estimates of one point whose correlation nobody knows (Julier and Uhlmann, ACC 1997).
+// Fusing two estimates of one quantity whose correlation nobody knows (Julier and Uhlmann, ACC
+// 1997).
 #pragma once
 
 #include <Eigen/Core>
 
 namespace covey {
 
-struct PointEstimate {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
-};
-
-struct IntersectedPoint {
-  PointEstimate fused;
+// The fused estimate is a + K (b - a), with covariance C.
+struct Intersection {
   double weight = 1;  // of the first estimate's information; 1: the second adds nothing
+  Eigen::Matrix4d K = Eigen::Matrix4d::Zero();
+  Eigen::Matrix4d covariance = Eigen::Matrix4d::Identity();  // C
 };
 
-// inv(C) = w inv(A) + (1 - w) inv(B), with the w in [0, 1] of the smallest trace.
-[[nodiscard]] IntersectedPoint intersect_covariances(const PointEstimate& a,
-                                                     const PointEstimate& b);
+// inv(C) = w inv(A) + (1 - w) inv(B), with the w that makes tr(Q C) smallest. `Q`, positive
+// semidefinite, says what the fusion is for, whatever the units of the components.
+[[nodiscard]] Intersection intersect_covariances(const Eigen::Matrix4d& A, const Eigen::Matrix4d& B,
+                                                 const Eigen::Matrix4d& Q);
 
 }  // namespace covey

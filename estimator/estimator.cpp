@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "estimator/imu_buffer.h"
 #include "estimator/keyframe_policy.h"
@@ -100,7 +101,7 @@ FilterSnapshot snapshot_of(const State& state) {
 
 struct Estimator::Impl {
   Impl(const EstimatorConfig& configuration, StageClock stage_clock)
-      : config(configuration), clock(stage_clock), gate_peer(chi_square_quantile(0.95, 3)) {}
+      : config(configuration), clock(stage_clock), gate_peer(0.95) {}
 
   double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
   void start(const InitialState& initial);
@@ -114,13 +115,17 @@ struct Estimator::Impl {
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
+  std::vector<const Track*> matched_tracks(const KeyframeMatch& match) const;
+  SharedKeyframe shared_keyframe(const State& trial, const KeyframeMatch& match,
+                                 const std::vector<const Track*>& tracks, PeerReport& report);
+  PeerReport fuse(const KeyframeMatch& match);
   void watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report);
   void look_again(UpdateReport& report);
   void restart(TimeNs stamp_ns, UpdateReport& report);
 
   EstimatorConfig config;
   StageClock clock;
-  double gate_peer;
+  PeerGate gate_peer;
   ImuBuffer imu;
   std::optional<State> state;
   std::optional<VisionUpdate> vision;
@@ -316,6 +321,74 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   report.msckf_ms = now_ms() - msckf_start;
 }
 
+// Those that are no SLAM features and seen in the window, longest first.
+std::vector<const Track*> Estimator::Impl::matched_tracks(const KeyframeMatch& match) const {
+  std::vector<const Track*> tracks;
+  for (const LandmarkMatch& landmark : match.matches) {
+    const Track* track = store.find(landmark.track_id);
+    if (track != nullptr && !track->observations.empty()) tracks.push_back(track);
+  }
+  std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
+    return a->observations.size() > b->observations.size();
+  });
+  const auto limit = static_cast<std::size_t>(config.max_msckf_features);
+  if (tracks.size() > limit) tracks.resize(limit);
+  return tracks;
+}
+
+// `tracks`: whose upper rows may be used.
+SharedKeyframe Estimator::Impl::shared_keyframe(const State& trial, const KeyframeMatch& match,
+                                                const std::vector<const Track*>& tracks,
+                                                PeerReport& report) {
+  SharedKeyframe keyframe;
+  keyframe.other = match.other;
+  keyframe.T_world_other = match.own.T_world_cam * match.T_other_own.inverse();
+  for (const LandmarkMatch& pair : match.matches) {
+    std::optional<SharedLandmark> landmark = landmark_of(pair, match.bearing_sigma);
+    if (!landmark) {
+      ++report.uninformative;
+      continue;
+    }
+    const int index = trial.find_landmark(pair.track_id);
+    const auto track = std::find_if(tracks.begin(), tracks.end(), [&](const Track* candidate) {
+      return candidate->id == pair.track_id;
+    });
+    std::optional<LandmarkRows> rows;
+    if (index >= 0) {
+      rows = rows_of(trial, index);
+    } else if (track != tracks.end()) {
+      rows = vision->upper_rows(trial, **track, keyframe.T_world_other * landmark->p_other);
+    }
+    if (!rows) {
+      ++report.unknown_track;
+      continue;
+    }
+    landmark->own = *rows;
+    keyframe.landmarks.push_back(*landmark);
+  }
+  return keyframe;
+}
+
+// On a copy, because a track whose rows are used must not be used again: it is only worth it when
+// the peer helps.
+PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
+  State trial = *state;
+  const std::vector<const Track*> tracks = matched_tracks(match);
+  UpdateReport null_space;
+  (void)vision->update_tracks(trial, tracks, {}, 0, null_space);
+  PeerReport report;
+  const SharedKeyframe keyframe = shared_keyframe(trial, match, tracks, report);
+  const PeerReport fused = update_from_peer(trial, keyframe, gate_peer);
+  report.used += fused.used;
+  report.gated += fused.gated;
+  report.invalid += fused.invalid;
+  report.uninformative += fused.uninformative;
+  if (report.used == 0) return report;
+  *state = std::move(trial);
+  for (const Track* track : tracks) store.forget_observations(track->id);
+  return report;
+}
+
 // Lost: most features contradict the state for seconds, none is accepted though there are many, or
 // the motion is impossible.
 void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report) {
@@ -437,11 +510,11 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
 
 PeerReport Estimator::add_peer(const KeyframeMatch& match) {
   PeerReport report;
-  if (!impl_->state) {
+  if (!impl_->state || !impl_->seeing) {
     report.unknown_track = static_cast<int>(match.matches.size());
     return report;
   }
-  return update_from_peer(*impl_->state, matches_in_world(match), impl_->gate_peer);
+  return impl_->fuse(match);
 }
 
 Odometry Estimator::odometry() const {

@@ -68,7 +68,9 @@ class Estimator {
   UpdateReport add_camera(const CameraMeasurement& measurement);
 
   // Collaborative update by covariance intersection: own landmarks and a peer's are one point each
-  // (paper, eq. 11..17).
+  // (paper, eq. 9..17). Of SLAM features and of tracks that are none (MSCKF features to be, and
+  // opportunistic ones). If it changes the state, the bearings of those tracks are spent, as after
+  // an update of their own: such a track goes on without a past.
   PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;

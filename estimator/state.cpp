@@ -226,7 +226,7 @@ void State::correct(const Eigen::VectorXd& dx, const Eigen::Ref<const Eigen::Mat
   apply(dx);
 }
 
-void State::correct(const Eigen::VectorXd& dx, const Eigen::MatrixXd& G, const Eigen::Matrix3d& D) {
+void State::correct(const Eigen::VectorXd& dx, const Eigen::MatrixXd& G, const Eigen::MatrixXd& D) {
   auto P = P_.topLeftCorner(dimension_, dimension_);
   const Eigen::MatrixXd GD = G * D;
   P.triangularView<Eigen::Lower>() -= GD * G.transpose();

@@ -103,7 +103,7 @@ class State {
   void correct(const Eigen::VectorXd& dx, const Eigen::Ref<const Eigen::MatrixXd>& W);
   // x <- x (+) dx,  P <- P - G D G^T, for a symmetric D that need not be positive (covariance
   // intersection); the caller vouches that the result is positive definite.
-  void correct(const Eigen::VectorXd& dx, const Eigen::MatrixXd& G, const Eigen::Matrix3d& D);
+  void correct(const Eigen::VectorXd& dx, const Eigen::MatrixXd& G, const Eigen::MatrixXd& D);
 
  private:
   void apply(const Eigen::VectorXd& dx);

@@ -132,8 +132,7 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
 
 bool VisionUpdate::linearize(const State& state, const Track& track, Linearized& result) {
   const CameraExtrinsics& extrinsics = state.extrinsics();
-  const int anchor_index = choose_anchor(state, track);
-  if (anchor_index < 0 || track.observations.size() < kMinObservations) return false;
+  if (track.observations.size() < kMinObservations) return false;
   views_.clear();
   for (const CloneObservation& o : track.observations) {
     const Clone& clone = state.clones()[static_cast<std::size_t>(state.find_clone(o.clone_id))];
@@ -142,9 +141,16 @@ bool VisionUpdate::linearize(const State& state, const Track& track, Linearized&
   }
   const auto point = triangulate(views_, {config_.min_depth, config_.max_depth});
   if (!point || point->relative_depth_error > kMaxBearingDepthError) return false;
+  return linearize_at(state, track, point->p_world, result);
+}
 
+bool VisionUpdate::linearize_at(const State& state, const Track& track,
+                                const Eigen::Vector3d& p_world, Linearized& result) {
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  const int anchor_index = choose_anchor(state, track);
+  if (anchor_index < 0) return false;
   const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
-  const auto in_anchor = inverse_depth_of_point(point->p_world, anchor.pose, extrinsics);
+  const auto in_anchor = inverse_depth_of_point(p_world, anchor.pose, extrinsics);
   if (!in_anchor.in_front) return false;
   result.landmark = {track.id, anchor.id, in_anchor.inverse_depth, in_anchor.inverse_depth, 0};
   const AnchoredPoint first = anchored_point(in_anchor.inverse_depth, anchor.first, extrinsics);
@@ -158,7 +164,7 @@ bool VisionUpdate::linearize(const State& state, const Track& track, Linearized&
     const int index = state.find_clone(o.clone_id);
     const Clone& clone = state.clones()[static_cast<std::size_t>(index)];
     const double sigma = o.sigma * config_.observation_noise_scale;
-    const PointObservation now = observe_point(point->p_world, clone.pose, extrinsics);
+    const PointObservation now = observe_point(p_world, clone.pose, extrinsics);
     const PointObservation at_first = observe_point(first.p_world, clone.first, extrinsics);
     if (!now.in_front || !at_first.in_front) return false;
     const Matrix23d J_point = at_first.J_point / sigma;
@@ -197,6 +203,25 @@ double VisionUpdate::depth_error(const State& state, const Linearized& feature) 
   const auto P = state.covariance().block(window, window, columns, columns);
   const double variance = (J * P).dot(J) + R_inverse.row(2).squaredNorm();
   return std::sqrt(variance) / feature.landmark.inverse_depth.z();
+}
+
+std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const Track& track,
+                                                     const Eigen::Vector3d& guess_world) {
+  Linearized feature;
+  if (!linearize(state, track, feature) && !linearize_at(state, track, guess_world, feature)) {
+    return std::nullopt;
+  }
+  const int m = std::min(3, feature.rows);
+  const int columns = window_columns(state);
+  const int window = state.clones_offset() - state.calibration_size();
+  LandmarkRows rows;
+  rows.landmark = feature.landmark;
+  rows.R = H_feature_.topRows(m).triangularView<Eigen::Upper>();
+  rows.H = Eigen::MatrixXd::Zero(m, state.dimension());
+  rows.H.middleCols(window, columns) = H_track_.topLeftCorner(m, columns);
+  rows.r = H_track_.col(columns).head(m);
+  rows.noise = Eigen::MatrixXd::Identity(m, m);
+  return rows;
 }
 
 std::optional<TrackDepth> VisionUpdate::depth_of(const State& state, const Track& track) {

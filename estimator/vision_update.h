@@ -16,6 +16,18 @@
 
 namespace covey {
 
+// What this drone knows of a landmark f = (x/z, y/z, 1/z) in its anchor's camera:
+//   r = H dx + R df + n
+// Of a track these are the upper rows of its bearings (paper, eq. 10), which its null-space rows
+// leave over; of a SLAM feature, 0 = df - dx_f.
+struct LandmarkRows {
+  SlamLandmark landmark;  // linearised here
+  Eigen::Matrix<double, Eigen::Dynamic, 3> R;
+  Eigen::MatrixXd H;  // rows x dimension of the state
+  Eigen::VectorXd r;
+  Eigen::MatrixXd noise;  // covariance of n
+};
+
 class VisionUpdate {
  public:
   VisionUpdate(const EstimatorConfig& config, int state_capacity);
@@ -38,6 +50,12 @@ class VisionUpdate {
   [[nodiscard]] bool start(State& state, const std::vector<const Track*>& tracks,
                            UpdateReport& report);
 
+  // The upper rows of a track, two of one with a single bearing. `guess_world` (m): where to
+  // linearise a track that cannot be triangulated on its own. Nothing when it was seen in no
+  // keyframe of the window.
+  [[nodiscard]] std::optional<LandmarkRows> upper_rows(const State& state, const Track& track,
+                                                       const Eigen::Vector3d& guess_world);
+
   // Inverse depth of a track, seen from the present pose. Nothing when it is not known.
   [[nodiscard]] std::optional<TrackDepth> depth_of(const State& state, const Track& track);
 
@@ -54,6 +72,9 @@ class VisionUpdate {
 
   // Rows of a track, feature projected out; false when it cannot be triangulated.
   [[nodiscard]] bool linearize(const State& state, const Track& track, Linearized& result);
+  // The same about a given point; false when it is behind a camera.
+  [[nodiscard]] bool linearize_at(const State& state, const Track& track,
+                                  const Eigen::Vector3d& p_world, Linearized& result);
   // The same, judged: is its depth known, does it agree with the state?
   Outcome examine(const State& state, const Track& track, double max_depth_error,
                   Linearized& result);

@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <random>
 
 #include "estimator/chi_square.h"
@@ -23,9 +24,9 @@ Eigen::MatrixXd random_matrix(int rows, int columns, unsigned seed) {
   return Eigen::MatrixXd::NullaryExpr(rows, columns, [&] { return normal(generator); });
 }
 
-Eigen::Matrix3d random_covariance(unsigned seed) {
-  const Eigen::Matrix3d A = random_matrix(3, 3, seed);
-  return A * A.transpose() + 0.1 * Eigen::Matrix3d::Identity();
+Eigen::Matrix4d random_covariance(unsigned seed) {
+  const Eigen::Matrix4d A = random_matrix(4, 4, seed);
+  return A * A.transpose() + 0.1 * Eigen::Matrix4d::Identity();
 }
 
 TEST(ChiSquare, QuantilesAreThoseOfTheTables) {
@@ -56,25 +57,35 @@ TEST(EkfUpdate, CompressionKeepsAllInformation) {
 }
 
 TEST(CovarianceIntersection, NeverClaimsLessThanTheTruthWhateverTheCorrelation) {
+  const Eigen::Matrix4d I = Eigen::Matrix4d::Identity();
   for (unsigned seed = 0; seed < 50; ++seed) {
-    const Eigen::Matrix3d A = random_covariance(seed), B = random_covariance(seed + 1000);
-    const IntersectedPoint result = intersect_covariances({{}, A}, {{}, B});
-    const Eigen::Matrix3d C = result.fused.covariance;
-    const Eigen::Matrix3d K_a = result.weight * C * A.inverse();
-    const Eigen::Matrix3d K_b = (1 - result.weight) * C * B.inverse();
+    const Eigen::Matrix4d A = random_covariance(seed), B = random_covariance(seed + 1000);
+    const Intersection fused = intersect_covariances(A, B, I);
     // The worst case that stays a covariance: both errors are the same draw, scaled.
-    const Eigen::Matrix3d L_a = A.llt().matrixL(), L_b = B.llt().matrixL();
-    const Eigen::Matrix3d together = K_a * L_a + K_b * L_b;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> slack(C - together * together.transpose());
+    const Eigen::Matrix4d L_a = A.llt().matrixL(), L_b = B.llt().matrixL();
+    const Eigen::Matrix4d together = (I - fused.K) * L_a + fused.K * L_b;
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> slack(fused.covariance -
+                                                               together * together.transpose());
     EXPECT_GT(slack.eigenvalues().minCoeff(), -1e-9) << "seed " << seed;
   }
 }
 
+TEST(CovarianceIntersection, NoOtherWeightIsBetter) {
+  const Eigen::Matrix4d Q = Eigen::Vector4d(1, 4, 0.5, 2).asDiagonal();
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    const Eigen::Matrix4d A = random_covariance(seed), B = random_covariance(seed + 1000);
+    const double best = (Q * intersect_covariances(A, B, Q).covariance).trace();
+    for (double w = 0.01; w < 1; w += 0.01) {
+      const Eigen::Matrix4d C = (w * A.inverse() + (1 - w) * B.inverse()).inverse();
+      EXPECT_LE(best, (Q * C).trace() * (1 + 1e-6)) << "seed " << seed << ", weight " << w;
+    }
+  }
+}
+
 TEST(CovarianceIntersection, TheSameEstimateTwiceAddsNothing) {
-  const Eigen::Matrix3d A = random_covariance(7);
-  const IntersectedPoint result = intersect_covariances({{1, 2, 3}, A}, {{1, 2, 3}, A});
-  EXPECT_LT((result.fused.covariance - A).norm(), 1e-9);
-  EXPECT_LT((result.fused.mean - Eigen::Vector3d(1, 2, 3)).norm(), 1e-9);
+  const Eigen::Matrix4d A = random_covariance(7);
+  const Intersection fused = intersect_covariances(A, A, Eigen::Matrix4d::Identity());
+  EXPECT_LT((fused.covariance - A).norm(), 1e-9);
 }
 
 std::vector<ImuSample> wobble() {
