@@ -297,6 +297,15 @@ CameraMeasurement to_measurement(const TrackedFrame& frame) {
   return measurement;
 }
 
+std::vector<TrackPlace> places(const TrackedFrame& frame) {
+  std::vector<TrackPlace> places;
+  places.reserve(frame.features.size());
+  for (const TrackedFeature& feature : frame.features) {
+    places.push_back({feature.track_id, feature.pixel});
+  }
+  return places;
+}
+
 Tracker::Tracker(const TrackerConfig& config, const CameraIntrinsics& camera) {
   check(config, camera);
   impl_ = std::make_unique<Impl>(config, camera);
@@ -323,6 +332,18 @@ TrackedFrame Tracker::track(TimeNs stamp_ns, const cv::Mat& pixels,
     frame.features.push_back(self.feature(track));
   }
   return frame;
+}
+
+std::vector<TrackPlace> Tracker::predict(TimeNs stamp_ns,
+                                         const Eigen::Matrix3d& R_cam_previous) const {
+  const double dt = std::max(0.0, seconds_between(impl_->stamps[0], stamp_ns));
+  std::vector<TrackPlace> places;
+  places.reserve(impl_->tracks.size());
+  for (const Track& track : impl_->tracks) {
+    const auto turned = turn(impl_->camera, track.bearing, R_cam_previous);
+    if (turned) places.push_back({track.id, turned->pixel + dt * track.velocity});
+  }
+  return places;
 }
 
 void Tracker::describe(TrackedFrame& frame,

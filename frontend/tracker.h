@@ -50,6 +50,11 @@ struct TrackedFeature {
   bool described = false;
 };
 
+struct TrackPlace {
+  std::uint64_t track_id = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+};
+
 struct TrackedFrame {
   TimeNs stamp_ns = 0;
   std::vector<TrackedFeature> features;  // oldest track first
@@ -58,6 +63,7 @@ struct TrackedFrame {
 };
 
 [[nodiscard]] CameraMeasurement to_measurement(const TrackedFrame& frame);
+[[nodiscard]] std::vector<TrackPlace> places(const TrackedFrame& frame);
 
 class Tracker {
  public:
@@ -70,6 +76,10 @@ class Tracker {
   // rotation from the previous image's camera to this one's, from the gyro (identity when unknown).
   // Throws std::runtime_error for an image of another type or size.
   TrackedFrame track(TimeNs stamp_ns, const cv::Mat& pixels, const Eigen::Matrix3d& R_cam_previous);
+
+  // Where the tracks will be looked for in the image of that moment.
+  [[nodiscard]] std::vector<TrackPlace> predict(TimeNs stamp_ns,
+                                                const Eigen::Matrix3d& R_cam_previous) const;
 
   // ORB descriptors of the current image at the tracks' current places. With the camera's attitude
   // they are oriented by the world: that is what two drones can compare best.
