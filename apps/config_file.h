@@ -75,9 +75,9 @@ enum class ThermalMode {
 
 struct ThermalConfig {
   ThermalMode mode = ThermalMode::kAuto;
-  // Of a thermal camera's pixels: its images show the past by so much. Used where sensor.yaml gives
-  // no time offset.
-  double time_constant_s = 0.008;
+  // Of a thermal camera's pixels: images stamped when they are read out show the past by so much.
+  // Zero for drivers that account for it, as our simulator does.
+  double time_constant_s = 0;
   PhotometricConfig photometric;
 };
 

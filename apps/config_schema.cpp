@@ -43,7 +43,7 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.option("mode", thermal.mode, {"auto", "raw", "calibrated"},
            "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
   v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
-           "[s] by which thermal images lag, unless sensor.yaml says");
+           "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
 }
 
 void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
@@ -54,7 +54,7 @@ void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.count("min_shared_tracks", p.gain.min_tracks, {3, 1000}, "of two images that are compared");
   v.count("fit_iterations", p.gain.iterations, {1, 100}, "of reweighting at most");
   v.number("relaxation_s", p.gain.relaxation_s, {1, kManyTimes},
-           "[s] time constant of the pull back to gain 1");
+           "[s] time constant of the pull towards the first image's mean and spread");
 }
 
 void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {

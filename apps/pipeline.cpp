@@ -170,7 +170,7 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
   }
   if (calibration_) {
     const StageTimer timer(result.timing.thermal_ms);
-    calibration_->observe(places(frame));
+    calibration_->observe(tracker_.places());
   }
   result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
   result.tracks_begun = frame.added;

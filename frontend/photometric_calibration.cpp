@@ -14,39 +14,52 @@ namespace {
 // Calibrated levels: the first image's mean in the middle, its deviation this many levels.
 constexpr double kLevelsPerSigma = 128;
 constexpr int kMiddle = ToneCurve::kLevels / 2;
-constexpr int kPatch = 7;       // px, side of the patch whose mean is compared
+constexpr int kPatch = 11;       // px, side of the patch whose mean is compared
 constexpr int kSampleStep = 8;  // px, for statistics of the whole image
 
 double pixel(const cv::Mat& image, int y, int x) {
   return image.depth() == CV_8U ? image.at<std::uint8_t>(y, x) : image.at<std::uint16_t>(y, x);
 }
 
-// Mean over a square around a place between pixels. Nothing at the image's edge, nor where a pixel
-// has no value of its own: black, white, or all equal, which is how a sensor of fewer bits than its
-// image saturates.
+struct PatchGrey {
+  double mean = 0, spread = 0;  // grey levels
+};
+
+// Mean and deviation of a track's patch, warped with it: when the camera comes nearer, the mean of
+// a square of the image is that of less of the scene, which looks like a change of gain. Nothing at
+// the image's edge, nor where a pixel has no value of its own: black, white, or all equal, which is
+// how a sensor of fewer bits than its image saturates.
 template <typename Pixel>
-std::optional<double> patch_mean(const cv::Mat& image, const Eigen::Vector2d& centre) {
-  const Eigen::Vector2d corner = centre - Eigen::Vector2d::Constant(0.5 * (kPatch - 1));
-  const int left = static_cast<int>(std::floor(corner.x()));
-  const int top = static_cast<int>(std::floor(corner.y()));
-  if (left < 0 || top < 0 || left + kPatch >= image.cols || top + kPatch >= image.rows) {
+std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& place) {
+  constexpr int kRadius = kPatch / 2;
+  const Eigen::Vector2d reach = kRadius * place.affine.cwiseAbs().rowwise().sum();
+  const Eigen::Vector2d lowest = place.pixel - reach, highest = place.pixel + reach;
+  if (!(lowest.minCoeff() >= 0 && highest.x() < image.cols - 1 && highest.y() < image.rows - 1)) {
     return std::nullopt;
   }
-  const double fx = corner.x() - left, fy = corner.y() - top;
-  double sum = 0;
-  Pixel least = image.at<Pixel>(top, left), most = least;
-  for (int y = 0; y <= kPatch; ++y) {
-    const Pixel* row = image.ptr<Pixel>(top + y) + left;
-    double line = (1 - fx) * row[0] + fx * row[kPatch];
-    for (int x = 0; x <= kPatch; ++x) {
-      if (x > 0 && x < kPatch) line += row[x];
-      least = std::min(least, row[x]);
-      most = std::max(most, row[x]);
+  double sum = 0, squares = 0;
+  Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
+  for (int v = -kRadius; v <= kRadius; ++v) {
+    for (int u = -kRadius; u <= kRadius; ++u) {
+      const Eigen::Vector2d p = place.pixel + place.affine * Eigen::Vector2d(u, v);
+      const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
+      const auto fx = static_cast<float>(p.x() - x), fy = static_cast<float>(p.y() - y);
+      const Pixel* above = image.ptr<Pixel>(y) + x;
+      const Pixel* below = image.ptr<Pixel>(y + 1) + x;
+      const double grey = (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
+                          fy * ((1 - fx) * below[0] + fx * below[1]);
+      sum += grey;
+      squares += grey * grey;
+      least = std::min({least, above[0], above[1], below[0], below[1]});
+      most = std::max({most, above[0], above[1], below[0], below[1]});
     }
-    sum += line * (y == 0 ? 1 - fy : y == kPatch ? fy : 1.0);
   }
-  if (least == most || least == 0 || most == std::numeric_limits<Pixel>::max()) return std::nullopt;
-  return sum / (kPatch * kPatch);
+  if (least == most || least == 0 || most == std::numeric_limits<Pixel>::max()) {
+    return std::nullopt;
+  }
+  constexpr double kPixels = kPatch * kPatch;
+  const double mean = sum / kPixels;
+  return PatchGrey{mean, std::sqrt(std::max(0.0, squares / kPixels - mean * mean))};
 }
 
 template <typename Pixel>
@@ -80,6 +93,45 @@ void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
   }
 }
 
+struct GreyStatistics {
+  double mean = 0, sigma = 1;
+};
+
+// Of the pixels that are not saturated.
+GreyStatistics unsaturated(const cv::Mat& image) {
+  const double white = image.depth() == CV_8U ? 255 : 65535;
+  double count = 0, sum = 0, squares = 0;
+  for (int y = 0; y < image.rows; y += kSampleStep) {
+    for (int x = 0; x < image.cols; x += kSampleStep) {
+      const double grey = pixel(image, y, x);
+      if (grey <= 0 || grey >= white) continue;
+      ++count;
+      sum += grey;
+      squares += grey * grey;
+    }
+  }
+  if (count == 0) return {};
+  constexpr double kLeastSigma = 0.25;  // grey levels
+  const double mean = sum / count;
+  const double variance = std::max(0.0, squares / count - mean * mean);
+  return {mean, std::max(kLeastSigma, std::sqrt(variance))};
+}
+
+// A chain that has gone astray squeezes the image into few levels, or pushes it out of their range.
+bool plausible(const std::vector<int>& levels) {
+  constexpr double kMost = 5;  // times narrower or wider than at its start
+  double sum = 0, squares = 0;
+  for (const int level : levels) {
+    sum += level;
+    squares += static_cast<double>(level) * level;
+  }
+  const auto count = static_cast<double>(levels.size());
+  const double mean = sum / count;
+  const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  return deviation > kLevelsPerSigma / kMost && deviation < kLevelsPerSigma * kMost &&
+         std::abs(mean - kMiddle) < 0.35 * ToneCurve::kLevels;
+}
+
 }  // namespace
 
 PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size)
@@ -100,13 +152,19 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   }
   const double elapsed_s = stamp_ns_ == 0 ? 0 : seconds_between(stamp_ns_, stamp_ns);
   image_ = image;
-  result.restarted = blind_;
-  if (blind_) restart(image);
-  blind_ = false;
   stamp_ns_ = stamp_ns;
-  result.map = config_.temporal ? gain_.estimate(without_field(look(expected))) : gain_.latest();
-  build_table(result.map);
-  adapt_tone(elapsed_s);
+  if (!blind_) {
+    result.map = config_.temporal ? gain_.estimate(without_field(look(expected))) : gain_.latest();
+    build_table(result.map);
+  }
+  result.restarted = blind_ || !plausible(levels());
+  if (result.restarted) {
+    restart(image);
+    result.map = gain_.latest();
+    build_table(result.map);
+  }
+  blind_ = false;
+  tone_.adapt(levels(), elapsed_s);
   result.pixels = apply();
   return result;
 }
@@ -122,36 +180,30 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
   refreshed_ns_ = 0;
 }
 
-// Mean and deviation of the pixels that are not saturated.
 void PhotometricCalibration::choose_units(const cv::Mat& image) {
-  const double white = image.depth() == CV_8U ? 255 : 65535;
-  double count = 0, sum = 0, squares = 0;
-  for (int y = 0; y < image.rows; y += kSampleStep) {
-    for (int x = 0; x < image.cols; x += kSampleStep) {
-      const double grey = pixel(image, y, x);
-      if (grey <= 0 || grey >= white) continue;
-      ++count;
-      sum += grey;
-      squares += grey * grey;
-    }
-  }
-  if (count == 0) return;
-  constexpr double kLeastSigma = 0.25;  // grey levels
-  centre_ = sum / count;
-  sigma_ = std::max(kLeastSigma, std::sqrt(std::max(0.0, squares / count - centre_ * centre_)));
+  const GreyStatistics statistics = unsaturated(image);
+  centre_ = statistics.mean;
+  sigma_ = statistics.sigma;
+}
+
+// What would give the current image the mean and the deviation of the chain's first.
+GainOffset PhotometricCalibration::like_the_first() const {
+  const GreyStatistics statistics = unsaturated(image_);
+  const double gain = sigma_ / statistics.sigma;
+  return {gain, centre_ - gain * statistics.mean};
 }
 
 std::vector<PhotometricCalibration::Sighting> PhotometricCalibration::look(
     const std::vector<TrackPlace>& places) const {
   std::vector<Sighting> seen;
   seen.reserve(places.size());
-  for (const TrackPlace& place : places) {
-    const auto mean = image_.depth() == CV_8U ? patch_mean<std::uint8_t>(image_, place.pixel)
-                                              : patch_mean<std::uint16_t>(image_, place.pixel);
-    if (mean) seen.push_back({place.track_id, place.pixel, *mean});
+  for (const TrackPlace& track : places) {
+    const auto grey = image_.depth() == CV_8U ? patch_grey<std::uint8_t>(image_, track.place)
+                                              : patch_grey<std::uint16_t>(image_, track.place);
+    if (grey) seen.push_back({track.patch_id, track.place.pixel, grey->mean, grey->spread});
   }
   std::sort(seen.begin(), seen.end(),
-            [](const Sighting& a, const Sighting& b) { return a.track_id < b.track_id; });
+            [](const Sighting& a, const Sighting& b) { return a.patch_id < b.patch_id; });
   return seen;
 }
 
@@ -160,7 +212,7 @@ std::vector<TrackGrey> PhotometricCalibration::without_field(
   std::vector<TrackGrey> greys;
   greys.reserve(seen.size());
   for (const Sighting& s : seen) {
-    greys.push_back({s.track_id, s.grey, sigma_ * field_.at(s.pixel)});
+    greys.push_back({s.patch_id, s.grey, s.spread, sigma_ * field_.at(s.pixel)});
   }
   return greys;
 }
@@ -168,7 +220,7 @@ std::vector<TrackGrey> PhotometricCalibration::without_field(
 void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (blind_) return;
   const std::vector<Sighting> seen = look(tracks);
-  if (config_.temporal) gain_.add(stamp_ns_, without_field(seen));
+  if (config_.temporal) gain_.add(stamp_ns_, without_field(seen), like_the_first());
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
   if (config_.spatial && since_s >= config_.field.refresh_s) refresh(seen, since_s);
@@ -201,9 +253,9 @@ void PhotometricCalibration::compare(const std::vector<Sighting>& before,
   std::vector<FieldDifference> differences;
   auto past = before.begin();
   for (const Sighting& seen : now) {
-    while (past != before.end() && past->track_id < seen.track_id) ++past;
+    while (past != before.end() && past->patch_id < seen.patch_id) ++past;
     if (past == before.end()) break;
-    if (past->track_id != seen.track_id) continue;
+    if (past->patch_id != seen.patch_id) continue;
     differences.push_back({past->pixel, seen.pixel, level(*past), level(seen)});
   }
   field_.add(differences);
@@ -255,7 +307,8 @@ void PhotometricCalibration::build_table(const GainOffset& map) {
   }
 }
 
-void PhotometricCalibration::adapt_tone(double elapsed_s) {
+// Calibrated levels of pixels from all over the image.
+std::vector<int> PhotometricCalibration::levels() const {
   std::vector<int> sample;
   for (int y = kSampleStep / 2; y < image_.rows; y += kSampleStep) {
     for (int x = kSampleStep / 2; x < image_.cols; x += kSampleStep) {
@@ -264,7 +317,7 @@ void PhotometricCalibration::adapt_tone(double elapsed_s) {
       sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
     }
   }
-  tone_.adapt(sample, elapsed_s);
+  return sample;
 }
 
 cv::Mat PhotometricCalibration::apply() const {

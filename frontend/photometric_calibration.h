@@ -43,9 +43,10 @@ struct PhotometricConfig {
 
 struct CalibratedImage {
   ImageContent content = ImageContent::kScene;
-  bool restarted = false;  // the first image after the camera did not see
-  GainOffset map;          // from the image's grey levels to those of the chain's first image
-  cv::Mat pixels;          // CV_8UC1; empty when it shows no scene
+  // The first of a chain: after the camera did not see, or because the chain went astray.
+  bool restarted = false;
+  GainOffset map;  // from the image's grey levels to those of the chain's first image
+  cv::Mat pixels;  // CV_8UC1; empty when it shows no scene
 };
 
 class PhotometricCalibration {
@@ -64,15 +65,16 @@ class PhotometricCalibration {
   [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_; }
 
  private:
-  // What an image showed of a track: for the field, which is seen between two images.
+  // What an image showed of a patch: for the field, which is seen between two images.
   struct Sighting {
-    std::uint64_t track_id = 0;
+    std::uint64_t patch_id = 0;
     Eigen::Vector2d pixel;
-    double grey = 0;
+    double grey = 0, spread = 0;  // mean and standard deviation of its pixels, grey levels
   };
 
   void restart(const cv::Mat& image);
   void choose_units(const cv::Mat& image);
+  [[nodiscard]] GainOffset like_the_first() const;
   [[nodiscard]] std::vector<Sighting> look(const std::vector<TrackPlace>& places) const;
   [[nodiscard]] std::vector<TrackGrey> without_field(const std::vector<Sighting>& seen) const;
   void compare(const std::vector<Sighting>& before, const std::vector<Sighting>& now);
@@ -80,7 +82,7 @@ class PhotometricCalibration {
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
-  void adapt_tone(double elapsed_s);
+  [[nodiscard]] std::vector<int> levels() const;
 
   PhotometricConfig config_;
   ShutterDetector shutter_;
@@ -94,7 +96,7 @@ class PhotometricCalibration {
   double centre_ = 0, sigma_ = 1;                // of the chain's first image, grey levels
   std::vector<std::int16_t> table_;              // image's grey level to calibrated level
   cv::Mat bias_;                                 // CV_16SC1, the field, calibrated levels
-  std::deque<std::vector<Sighting>> sightings_;  // one per refresh, newest first; by track id
+  std::deque<std::vector<Sighting>> sightings_;  // one per refresh, newest first; by patch
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
 };

@@ -15,12 +15,12 @@
 namespace covey {
 
 struct SpatialConfig {
-  double cell_px = 32;      // px between the nodes of the grid
+  double cell_px = 32;        // px between the nodes of the grid
   double length_cells = 2.5;  // correlation length, cells
-  double sigma = 0.5;       // standard deviation of the field, of that of the image
-  double noise = 0.1;       // of one observed difference, of the image's standard deviation
-  double memory_s = 10;     // s, time constant after which observations are forgotten
-  double refresh_s = 0.2;   // s between two solutions
+  double sigma = 0.5;         // standard deviation of the field, of that of the image
+  double noise = 0.1;         // of one observed difference, of the image's standard deviation
+  double memory_s = 5;        // s, time constant after which observations are forgotten
+  double refresh_s = 0.2;     // s between two solutions
 };
 
 // The same patch in two images: where it was and its grey level, in the image's standard

@@ -96,29 +96,34 @@ std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs, in
   return map;
 }
 
-// Both lists are sorted by id.
+// The gain is fitted to what varies within the patches: a field of low frequency, known or not,
+// does not touch it. Their means then tell the offset. Both lists are sorted by id.
 std::optional<GainOffset> TemporalGain::against(const PastImage& past,
                                                 const std::vector<TrackGrey>& tracks) const {
-  std::vector<GreyPair> pairs;
+  std::vector<GreyPair> spreads, means;
   auto before = past.tracks.begin();
   for (const TrackGrey& track : tracks) {
-    while (before != past.tracks.end() && before->track_id < track.track_id) ++before;
+    while (before != past.tracks.end() && before->patch_id < track.patch_id) ++before;
     if (before == past.tracks.end()) break;
-    if (before->track_id != track.track_id) continue;
-    // The field is taken off both, so that only gain and offset are left to differ.
-    pairs.push_back(
+    if (before->patch_id != track.patch_id) continue;
+    spreads.push_back({track.spread, before->spread});
+    spreads.push_back({-track.spread, -before->spread});
+    means.push_back(
         {track.grey - track.field / latest_.gain, before->grey - before->field / past.map.gain});
   }
-  if (pairs.size() < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
-  const auto link = fit_gain_offset(pairs, config_.iterations);
+  if (means.size() < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
+  const auto link = fit_gain_offset(spreads, config_.iterations);
   if (!link) return std::nullopt;
-  return GainOffset{past.map.gain * link->gain, past.map(link->offset)};
+  std::vector<double> offsets;
+  offsets.reserve(means.size());
+  for (const GreyPair& pair : means) offsets.push_back(pair.past - link->gain * pair.now);
+  return GainOffset{past.map.gain * link->gain, past.map(median(std::move(offsets)))};
 }
 
 GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks) const {
   std::vector<TrackGrey> sorted = tracks;
   std::sort(sorted.begin(), sorted.end(),
-            [](const TrackGrey& a, const TrackGrey& b) { return a.track_id < b.track_id; });
+            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
   double middle = 0;  // grey level at which the offsets are averaged
   for (const TrackGrey& track : sorted) middle += track.grey / static_cast<double>(sorted.size());
   double log_gain = 0, level = 0;
@@ -138,22 +143,23 @@ GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks) const {
   return map;
 }
 
-// Errors of the chain would add up without end.
-GainOffset TemporalGain::relaxed(const GainOffset& map, double grey, double elapsed_s) const {
+GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
+                                 double elapsed_s) const {
   const double keep = std::exp(-elapsed_s / config_.relaxation_s);
   GainOffset pulled;
-  pulled.gain = std::pow(map.gain, keep);
-  pulled.offset = grey + keep * (map(grey) - grey) - pulled.gain * grey;
+  pulled.gain = anchor.gain * std::pow(map.gain / anchor.gain, keep);
+  pulled.offset = anchor(grey) + keep * (map(grey) - anchor(grey)) - pulled.gain * grey;
   return pulled;
 }
 
-GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks) {
+GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks,
+                             const GainOffset& anchor) {
   std::sort(tracks.begin(), tracks.end(),
-            [](const TrackGrey& a, const TrackGrey& b) { return a.track_id < b.track_id; });
+            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
   GainOffset map = estimate(tracks);
   if (last_ns_ != 0 && !tracks.empty()) {
     const double middle_grey = tracks[tracks.size() / 2].grey;
-    map = relaxed(map, middle_grey, seconds_between(last_ns_, stamp_ns));
+    map = relaxed(map, anchor, middle_grey, seconds_between(last_ns_, stamp_ns));
   }
   last_ns_ = stamp_ns;
   latest_ = map;

@@ -23,11 +23,11 @@ struct GainOffset {
 };
 
 struct TemporalConfig {
-  int window = 10;            // past images an image is compared with
-  int spacing = 3;            // images between two of them
-  int min_tracks = 12;        // shared with a past image, otherwise the two are not compared
-  int iterations = 20;        // of reweighting at most
-  double relaxation_s = 600;  // s, time constant of the pull back to gain 1 and offset 0
+  int window = 10;          // past images an image is compared with
+  int spacing = 3;          // images between two of them
+  int min_tracks = 12;      // shared with a past image, otherwise the two are not compared
+  int iterations = 20;      // of reweighting at most
+  double relaxation_s = 5;  // s, time constant of the pull back to what add() is given
 };
 
 // The same patch in two images: its mean, grey levels of either.
@@ -42,11 +42,12 @@ struct GreyPair {
 [[nodiscard]] std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs,
                                                         int iterations);
 
-// A track's patch in one image.
+// A patch in one image.
 struct TrackGrey {
-  std::uint64_t track_id = 0;
-  double grey = 0;   // its mean, grey levels of the image
-  double field = 0;  // the additive field there, calibrated grey levels
+  std::uint64_t patch_id = 0;
+  double grey = 0;    // its mean, grey levels of the image
+  double spread = 0;  // standard deviation of its pixels, likewise
+  double field = 0;   // the additive field there, calibrated grey levels
 };
 
 class TemporalGain {
@@ -56,8 +57,9 @@ class TemporalGain {
   // The map of an image from its tracks; that of the image before when they do not tell.
   [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks) const;
 
-  // Estimates and remembers; images in time order.
-  GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks);
+  // Estimates and remembers; images in time order. Errors of the chain would add up without end:
+  // the map is pulled towards `anchor`.
+  GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const GainOffset& anchor);
 
   // Forgets the window; what follows is in the units of `first`.
   void restart(const GainOffset& first);
@@ -71,7 +73,8 @@ class TemporalGain {
   };
   [[nodiscard]] std::optional<GainOffset> against(const PastImage& past,
                                                   const std::vector<TrackGrey>& tracks) const;
-  [[nodiscard]] GainOffset relaxed(const GainOffset& map, double grey, double elapsed_s) const;
+  [[nodiscard]] GainOffset relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
+                                   double elapsed_s) const;
 
   TemporalConfig config_;
   std::deque<PastImage> images_;  // newest first

@@ -50,9 +50,11 @@ struct TrackedFeature {
   bool described = false;
 };
 
+// Where the patch of a track lies in an image. A track whose patch is cut anew gets another id
+// here: it is another patch of the scene.
 struct TrackPlace {
-  std::uint64_t track_id = 0;
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  std::uint64_t patch_id = 0;
+  PatchPlace place;
 };
 
 struct TrackedFrame {
@@ -63,7 +65,6 @@ struct TrackedFrame {
 };
 
 [[nodiscard]] CameraMeasurement to_measurement(const TrackedFrame& frame);
-[[nodiscard]] std::vector<TrackPlace> places(const TrackedFrame& frame);
 
 class Tracker {
  public:
@@ -77,7 +78,9 @@ class Tracker {
   // Throws std::runtime_error for an image of another type or size.
   TrackedFrame track(TimeNs stamp_ns, const cv::Mat& pixels, const Eigen::Matrix3d& R_cam_previous);
 
-  // Where the tracks will be looked for in the image of that moment.
+  // Where the tracks are in the last image, and where they will be looked for in the image of that
+  // moment.
+  [[nodiscard]] std::vector<TrackPlace> places() const;
   [[nodiscard]] std::vector<TrackPlace> predict(TimeNs stamp_ns,
                                                 const Eigen::Matrix3d& R_cam_previous) const;
 

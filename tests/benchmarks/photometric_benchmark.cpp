@@ -30,8 +30,11 @@ std::vector<TrackPlace> tracks(int shift) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> share(0.1, 0.9);
   std::vector<TrackPlace> places;
-  for (std::uint64_t id = 1; id <= kTracks; ++id)
-    places.push_back({id, {kImage.width * share(random) - shift, kImage.height * share(random)}});
+  for (std::uint64_t id = 1; id <= kTracks; ++id) {
+    PatchPlace place;
+    place.pixel = {kImage.width * share(random) - shift, kImage.height * share(random)};
+    places.push_back({id, place});
+  }
   return places;
 }
 
@@ -62,21 +65,28 @@ void GainFit(benchmark::State& state) {
   TemporalGain gain{TemporalConfig{}};
   std::vector<TrackGrey> greys;
   for (std::uint64_t id = 1; id <= kTracks; ++id)
-    greys.push_back({id, 128 + 4 * gaussian(random), 0});
-  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys);
+    greys.push_back({id, 128 + 4 * gaussian(random), 3 + std::abs(gaussian(random)), 0});
+  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, {});
   for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys));
 }
 BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 
-void fill(SpatialField& field) {
+std::vector<FieldDifference> differences() {
+  std::vector<FieldDifference> differences;
   for (const TrackPlace& track : tracks(0)) {
-    field.add(track.pixel, track.pixel + Eigen::Vector2d(33, 10), 0.1 * std::sin(track.pixel.x()));
+    const Eigen::Vector2d& p = track.place.pixel;
+    const double radiance = std::sin(7 * p.x());
+    differences.push_back(
+        {p, p + Eigen::Vector2d(33, 10), radiance, radiance + 0.1 * std::sin(p.y())});
   }
+  return differences;
 }
+void fill(SpatialField& field) { field.add(differences()); }
 
-void FieldOneDifference(benchmark::State& state) {
+void FieldDifferences(benchmark::State& state) {
   SpatialField field(SpatialConfig{}, kImage);
-  for (auto _ : state) field.add({100, 200}, {133, 210}, 0.1);
+  const auto seen = differences();
+  for (auto _ : state) field.add(seen);
 }
 void FieldSolution(benchmark::State& state) {
   SpatialField field(SpatialConfig{}, kImage);
@@ -89,7 +99,7 @@ void FieldImage(benchmark::State& state) {
   field.solve();
   for (auto _ : state) benchmark::DoNotOptimize(field.image(128).data);
 }
-BENCHMARK(FieldOneDifference)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldDifferences)->Unit(benchmark::kMillisecond);
 BENCHMARK(FieldSolution)->Unit(benchmark::kMillisecond);
 BENCHMARK(FieldImage)->Unit(benchmark::kMillisecond);
 

@@ -58,7 +58,10 @@ class SyntheticThermal {
   [[nodiscard]] std::vector<TrackPlace> tracks() const {
     std::vector<TrackPlace> places;
     for (const Landmark& landmark : landmarks_) {
-      places.push_back({landmark.id, in_image(landmark.plane)});
+      PatchPlace place;
+      place.pixel = in_image(landmark.plane);
+      place.affine = Eigen::Rotation2Dd(-yaw_).toRotationMatrix();
+      places.push_back({landmark.id, place});
     }
     return places;
   }

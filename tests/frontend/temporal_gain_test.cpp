@@ -55,25 +55,28 @@ struct Scene {
 
   void add_track() {
     radiance.push_back(128 + 40 * gaussian(random));
+    contrast.push_back(10 + 4 * std::abs(gaussian(random)));
     ids.push_back(next_id++);
   }
   // Each image loses the oldest two of a hundred tracks.
   std::vector<TrackGrey> see(const GainOffset& to_first) {
     radiance.erase(radiance.begin(), radiance.begin() + 2);
+    contrast.erase(contrast.begin(), contrast.begin() + 2);
     ids.erase(ids.begin(), ids.begin() + 2);
     add_track();
     add_track();
     std::vector<TrackGrey> seen;
     for (std::size_t i = 0; i < ids.size(); ++i) {
       const double grey = (radiance[i] - to_first.offset) / to_first.gain;
-      seen.push_back({ids[i], grey + 0.5 * gaussian(random), 0});
+      const double spread = contrast[i] / to_first.gain;
+      seen.push_back({ids[i], grey + 0.5 * gaussian(random), spread + 0.3 * gaussian(random), 0});
     }
     return seen;
   }
 
   std::mt19937 random;
   std::normal_distribution<double> gaussian;
-  std::vector<double> radiance;
+  std::vector<double> radiance, contrast;  // grey levels of the first image
   std::vector<std::uint64_t> ids;
   std::uint64_t next_id = 1;
 };
@@ -81,7 +84,9 @@ struct Scene {
 TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
   Scene scene(3);
   for (int i = 0; i < 100; ++i) scene.add_track();
-  TemporalGain gain{TemporalConfig{}};
+  TemporalConfig config;
+  config.relaxation_s = 600;
+  TemporalGain gain(config);
   double worst_first_minute = 0, worst = 0;
   constexpr int kImages = 30 * 180;
   for (int k = 0; k < kImages; ++k) {
@@ -89,7 +94,7 @@ TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
     const GainOffset truth{
         std::exp(0.25 * std::sin(0.9 * t) + 0.02 * scene.gaussian(scene.random) * (k > 0 ? 1 : 0)),
         10 * std::sin(0.4 * t)};
-    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth));
+    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), {});
     const double error = std::abs(std::log(found.gain / truth.gain));
     worst = std::max(worst, error);
     if (t < 60) worst_first_minute = std::max(worst_first_minute, error);
@@ -101,16 +106,16 @@ TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
 TEST(TemporalGain, KeepsTheLastMapWhenTooFewTracksAreShared) {
   TemporalGain gain{TemporalConfig{}};
   gain.restart({1.5, 3});
-  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}).gain, 1.5);
-  EXPECT_DOUBLE_EQ(gain.estimate({{1, 10, 0}, {2, 20, 0}}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, {1.5, 3}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.estimate({{1, 10, 3, 0}, {2, 20, 4, 0}}).gain, 1.5);
 }
 
-TEST(TemporalGain, IsPulledBackToIdentitySlowly) {
+TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
   TemporalConfig config;
   config.relaxation_s = 60;
   TemporalGain gain(config);
   gain.restart({1.5, 0});
-  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, 100, 0}});
+  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, 100, 10, 0}}, {});
   EXPECT_NEAR(std::log(gain.latest().gain), std::log(1.5) * std::exp(-59.0 / 60), 1e-9);
 }
 
