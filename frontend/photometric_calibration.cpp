@@ -14,7 +14,7 @@ namespace {
 // Calibrated levels: the first image's mean in the middle, its deviation this many levels.
 constexpr double kLevelsPerSigma = 128;
 constexpr int kMiddle = ToneCurve::kLevels / 2;
-constexpr int kPatch = 11;       // px, side of the patch whose mean is compared
+constexpr int kPatch = 11;      // px, side of the patch whose mean is compared
 constexpr int kSampleStep = 8;  // px, for statistics of the whole image
 
 double pixel(const cv::Mat& image, int y, int x) {
@@ -34,32 +34,35 @@ std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& plac
   constexpr int kRadius = kPatch / 2;
   const Eigen::Vector2d reach = kRadius * place.affine.cwiseAbs().rowwise().sum();
   const Eigen::Vector2d lowest = place.pixel - reach, highest = place.pixel + reach;
-  if (!(lowest.minCoeff() >= 0 && highest.x() < image.cols - 1 && highest.y() < image.rows - 1)) {
+  if (!(lowest.minCoeff() >= 1 && highest.x() < image.cols - 2 && highest.y() < image.rows - 2)) {
     return std::nullopt;
   }
-  double sum = 0, squares = 0;
+  const Eigen::Vector2f step = place.affine.col(0).cast<float>();
+  float sum = 0, squares = 0;  // of what differs from the first pixel
   Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
+  const float base = image.at<Pixel>(static_cast<int>(lowest.y()), static_cast<int>(lowest.x()));
   for (int v = -kRadius; v <= kRadius; ++v) {
-    for (int u = -kRadius; u <= kRadius; ++u) {
-      const Eigen::Vector2d p = place.pixel + place.affine * Eigen::Vector2d(u, v);
+    Eigen::Vector2f p =
+        (place.pixel + place.affine * Eigen::Vector2d(-kRadius, v)).template cast<float>();
+    for (int u = 0; u < kPatch; ++u, p += step) {
       const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
-      const auto fx = static_cast<float>(p.x() - x), fy = static_cast<float>(p.y() - y);
+      const float fx = p.x() - static_cast<float>(x), fy = p.y() - static_cast<float>(y);
       const Pixel* above = image.ptr<Pixel>(y) + x;
       const Pixel* below = image.ptr<Pixel>(y + 1) + x;
-      const double grey = (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
-                          fy * ((1 - fx) * below[0] + fx * below[1]);
+      const float grey = (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
+                         fy * ((1 - fx) * below[0] + fx * below[1]) - base;
       sum += grey;
       squares += grey * grey;
-      least = std::min({least, above[0], above[1], below[0], below[1]});
-      most = std::max({most, above[0], above[1], below[0], below[1]});
+      least = std::min(least, above[0]);
+      most = std::max(most, above[0]);
     }
   }
   if (least == most || least == 0 || most == std::numeric_limits<Pixel>::max()) {
     return std::nullopt;
   }
-  constexpr double kPixels = kPatch * kPatch;
-  const double mean = sum / kPixels;
-  return PatchGrey{mean, std::sqrt(std::max(0.0, squares / kPixels - mean * mean))};
+  constexpr float kPixels = kPatch * kPatch;
+  const float mean = sum / kPixels;
+  return PatchGrey{base + mean, std::sqrt(std::max(0.0f, squares / kPixels - mean * mean))};
 }
 
 template <typename Pixel>

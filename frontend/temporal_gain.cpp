@@ -164,7 +164,8 @@ GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks,
   last_ns_ = stamp_ns;
   latest_ = map;
   images_.push_front({map, std::move(tracks)});
-  const auto kept = static_cast<std::size_t>(config_.window * config_.spacing);
+  const auto spacing = static_cast<std::size_t>(config_.spacing);
+  const auto kept = static_cast<std::size_t>(config_.window) * spacing;
   if (images_.size() > kept) images_.pop_back();
   return latest_;
 }

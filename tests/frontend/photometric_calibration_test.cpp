@@ -73,7 +73,7 @@ TEST(PhotometricCalibration, SixteenBitsGoTheSameWay) {
   SyntheticThermal camera(3);
   PhotometricCalibration calibration(free_gain(), kImage);
   const Flight flight = fly(camera, calibration, 300, true);
-  EXPECT_LT(flight.worst_gain_error, 0.02);
+  EXPECT_LT(flight.worst_gain_error, 0.03);
   EXPECT_LT(field_error(camera, calibration, 100 * flight.final_scale), 0.20);
   EXPECT_EQ(flight.last.pixels.type(), CV_8UC1);
 }
