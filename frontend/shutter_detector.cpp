@@ -13,7 +13,8 @@ constexpr int kStep = 8;  // px
 template <typename Pixel>
 std::vector<std::uint16_t> thinned(const cv::Mat& image) {
   std::vector<std::uint16_t> sample;
-  sample.reserve(static_cast<std::size_t>((image.rows / kStep + 1) * (image.cols / kStep + 1)));
+  sample.reserve((static_cast<std::size_t>(image.rows) / kStep + 1) *
+                 (static_cast<std::size_t>(image.cols) / kStep + 1));
   for (int y = kStep / 2; y < image.rows; y += kStep) {
     const Pixel* row = image.ptr<Pixel>(y);
     for (int x = kStep / 2; x < image.cols; x += kStep) sample.push_back(row[x]);
