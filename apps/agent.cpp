@@ -9,7 +9,6 @@
 #include <type_traits>
 #include <utility>
 
-#include "apps/grey_image.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
 
@@ -24,6 +23,9 @@ Dataset read_recording(const AgentSettings& agent) {
   if (agent.dataset.empty()) throw std::runtime_error("agent.dataset says no folder");
   Dataset dataset = read_dataset(agent.dataset);
   if (dataset.images.empty()) throw std::runtime_error(agent.dataset + ": no images");
+  const cv::Mat first =
+      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
+  dataset.thermal = dataset.thermal || first.depth() == CV_16U;
   if (agent.duration_s > 0) {
     const TimeNs end_ns = dataset.images.front().stamp_ns + nanoseconds(agent.duration_s);
     auto& images = dataset.images;
@@ -87,7 +89,8 @@ std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t
 Agent::Agent(const AgentConfig& config)
     : config_(config),
       dataset_(read_recording(config.agent)),
-      pipeline_(config, {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
+      pipeline_(config,
+                {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),
       link_(open_link(config)),
       folder_(make_folder(config.agent)),
@@ -96,7 +99,7 @@ Agent::Agent(const AgentConfig& config)
       link_file_(folder_) {}
 
 cv::Mat Agent::read(const ImageEntry& image) const {
-  return to_grey8(read_image(image, dataset_.camera.width, dataset_.camera.height));
+  return read_image(image, dataset_.camera.width, dataset_.camera.height);
 }
 
 void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
@@ -108,6 +111,7 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   track_sightings_ += result.timing.tracks;
   tracks_begun_ += result.tracks_begun;
   count(result.update);
+  count(stamp_ns, result.content);
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
   cpu_load_.sample(steady_ms(), process_cpu_s());
@@ -127,6 +131,23 @@ void Agent::count(const UpdateReport& update) {
   if (!update.reinitialized) return;
   ++reinitialized_;
   spdlog::warn("lost at image {} ns; starting anew", last_ns_);
+}
+
+void Agent::count(TimeNs stamp_ns, ImageContent content) {
+  const bool blind = content != ImageContent::kScene;
+  if (content == ImageContent::kRepeated) ++repeated_images_;
+  if (content == ImageContent::kUniform) ++uniform_images_;
+  if (blind && !blind_since_ns_) {
+    blind_since_ns_ = stamp_ns;
+    spdlog::warn("image {} ns {}: flying on inertial propagation until the camera sees again",
+                 stamp_ns,
+                 content == ImageContent::kUniform ? "is uniform" : "repeats the one before");
+  }
+  if (!blind && blind_since_ns_) {
+    spdlog::info("the camera sees again after {:.2f} s",
+                 seconds_between(*blind_since_ns_, stamp_ns));
+    blind_since_ns_.reset();
+  }
 }
 
 // Up to one sample past the image's moment.
@@ -342,7 +363,9 @@ void Agent::finish() {
                     {"imu_rejected", filter_.imu_rejected},
                     {"out_of_order", filter_.out_of_order},
                     {"failed_updates", filter_.failed_updates},
-                    {"reinitialized", reinitialized_}};
+                    {"reinitialized", reinitialized_},
+                    {"repeated_images", repeated_images_},
+                    {"uniform_images", uniform_images_}};
   write_json_file(folder_ / kAgentSummaryFile, json);
 }
 

@@ -70,6 +70,7 @@ class Agent {
   template <typename Peers>
   bool wait_for_peers(const Peers& peers, std::chrono::milliseconds patience);
   void count(const UpdateReport& update);
+  void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
@@ -92,6 +93,8 @@ class Agent {
   PeerCounts peer_counts_;
   UpdateReport filter_;  // sums over all images
   int zero_velocity_images_ = 0, reinitialized_ = 0;
+  int repeated_images_ = 0, uniform_images_ = 0;
+  std::optional<TimeNs> blind_since_ns_;
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;

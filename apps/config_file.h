@@ -15,6 +15,7 @@
 #include "estimator/config.h"
 #include "estimator/drift_filter.h"
 #include "frontend/collaborator.h"
+#include "frontend/photometric_calibration.h"
 #include "frontend/tracker.h"
 
 namespace covey {
@@ -66,9 +67,24 @@ struct FusionConfig {
   DriftConfig drift;
 };
 
+enum class ThermalMode {
+  kAuto,        // calibrated when the camera is a thermal one, by sensor.yaml or 16-bit images
+  kRaw,         // images as they are; 16-bit ones stretched to what each holds
+  kCalibrated,  // whatever the camera is
+};
+
+struct ThermalConfig {
+  ThermalMode mode = ThermalMode::kAuto;
+  // Of a thermal camera's pixels: images stamped when they are read out show the past by so much.
+  // Zero for drivers that account for it, as our simulator does.
+  double time_constant_s = 0;
+  PhotometricConfig photometric;
+};
+
 struct AgentConfig {
   AgentSettings agent;
   InitialisationConfig initialisation;
+  ThermalConfig thermal;
   TrackerConfig tracker;
   EstimatorConfig estimator;  // imu_noise and extrinsics are the dataset's, from sensor.yaml
   CollaboratorConfig collaboration;

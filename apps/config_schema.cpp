@@ -39,6 +39,60 @@ void visit_initialisation(InitialisationConfig& start, ConfigVisitor& v) {
   v.angle("yaw_deg", start.yaw, {-360, 360}, "[deg] static start without ground truth");
 }
 
+void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
+  v.option("mode", thermal.mode, {"auto", "raw", "calibrated"},
+           "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
+  v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
+           "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
+}
+
+void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
+  PhotometricConfig& p = thermal.photometric;
+  v.flag("temporal", p.temporal, "estimate gain and offset of each image");
+  v.count("window", p.gain.window, {1, 100}, "past images an image is compared with");
+  v.count("window_spacing", p.gain.spacing, {1, 100}, "images between two of them");
+  v.count("min_shared_tracks", p.gain.min_tracks, {3, 1000}, "of two images that are compared");
+  v.count("fit_iterations", p.gain.iterations, {1, 100}, "of reweighting at most");
+  v.number("relaxation_s", p.gain.relaxation_s, {1, kManyTimes},
+           "[s] time constant of the pull towards the first image's mean and spread");
+}
+
+void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
+  PhotometricConfig& p = thermal.photometric;
+  v.flag("spatial", p.spatial, "estimate the additive field");
+  v.number("cell_px", p.field.cell_px, {8, 256}, "[px] between nodes of the field");
+  v.number("field_length_cells", p.field.length_cells, {0.5, 100}, "[cells] correlation length");
+  v.number("field_sigma", p.field.sigma, {1e-3, 100},
+           "standard deviation of the field, of that of the image");
+  v.number("field_noise", p.field.noise, {1e-4, 100},
+           "of one observed difference, of the image's standard deviation");
+  v.number("field_memory_s", p.field.memory_s, {0.1, kManyTimes}, "[s] until it is forgotten");
+  v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two solutions");
+}
+
+void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
+  PhotometricConfig& p = thermal.photometric;
+  v.number("repeated_share", p.shutter.repeated_share, {0.5, 1},
+           "of pixels unchanged in an image that was repeated: the shutter is closed");
+  v.number("uniform_range_8bit", p.shutter.uniform_range_8bit, {0, 255},
+           "[grey levels] least spread of a scene in 8 bits");
+  v.number("uniform_range_16bit", p.shutter.uniform_range_16bit, {0, 65535},
+           "[counts] least spread of a scene in 16 bits");
+  v.number("bad_pixel_deviations", p.bad_pixels.deviations, {3, 1e3},
+           "from its neighbours' median, of what is typical");
+  v.number("bad_pixel_interval_s", p.bad_pixels.interval_s, {0.01, 1e3}, "[s] between two checks");
+  v.count("bad_pixel_checks", p.bad_pixels.checks, {1, 100}, "in a row");
+}
+
+void visit_tone(ThermalConfig& thermal, ConfigVisitor& v) {
+  ToneConfig& tone = thermal.photometric.tone;
+  v.option("contrast", tone.contrast, {"linear", "equalised"}, "how 8 bits are spread");
+  v.number("tone_ignored_share", tone.ignored_share, {0, 0.4},
+           "of the darkest and of the brightest pixels");
+  v.number("tone_max_slope", tone.max_slope, {1, 100}, "of the equalised curve, over the linear");
+  v.number("tone_adapt_s", tone.adapt_s, {0.01, kManyTimes}, "[s] time constant of the curve");
+}
+
 void visit_tracker(TrackerConfig& tracker, ConfigVisitor& v) {
   v.count("max_tracks", tracker.max_tracks, {10, 5000}, "per image");
   v.number("pixel_sigma_px", tracker.pixel_sigma, {1e-3, 20},
@@ -262,6 +316,8 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
   };
   section("agent", config.agent, visit_agent);
   section("initialisation", config.initialisation, visit_initialisation);
+  section("thermal", config.thermal, visit_thermal, visit_temporal, visit_spatial,
+          visit_image_defects, visit_tone);
   section("tracker", config.tracker, visit_tracker, visit_alignment, visit_corners, visit_outliers);
   section("estimator", config.estimator, visit_estimator, visit_features, visit_calibration,
           visit_standing_still);

@@ -198,6 +198,7 @@ Dataset read_dataset(const fs::path& mav0) {
   const CameraCalibration camera = read_camera_file(mav0 / "cam0" / "sensor.yaml");
   dataset.camera = camera.intrinsics;
   dataset.extrinsics = camera.extrinsics;
+  dataset.thermal = camera.thermal;
   dataset.imu_noise = read_imu_file(mav0 / "imu0" / "sensor.yaml");
   dataset.images = read_image_list(mav0 / "cam0");
   const Span images{mav0 / "cam0" / "data.csv", dataset.images.front().stamp_ns,

@@ -43,6 +43,7 @@ struct ImuGap {
 struct Dataset {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
+  bool thermal = false;  // the camera: by its sensor.yaml, or because its images have 16 bits
   ImuNoise imu_noise;
   std::vector<ImageEntry> images;  // stamps strictly increasing
   std::vector<ImuSample> imu;      // stamps strictly increasing

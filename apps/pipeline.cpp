@@ -5,9 +5,11 @@
 #include <utility>
 
 #include "apps/camera_pose.h"
+#include "apps/grey_image.h"
 #include "apps/process_usage.h"
 #include "estimator/relative_pose.h"
 #include "estimator/so3.h"
+#include "frontend/vocabulary_thermal.h"
 #include "frontend/vocabulary_visual.h"
 
 namespace covey {
@@ -17,7 +19,14 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   EstimatorConfig estimator = config.estimator;
   estimator.imu_noise = sensors.imu_noise;
   estimator.extrinsics = sensors.extrinsics;
+  if (sensors.thermal && sensors.extrinsics.time_offset_s == 0) {
+    estimator.extrinsics.time_offset_s = -config.thermal.time_constant_s;
+  }
   return estimator;
+}
+
+bool is_calibrated(ThermalMode mode, bool thermal) {
+  return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
 }
 
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
@@ -73,8 +82,14 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
       tracker_(config.tracker, sensors.camera),
       estimator_(estimator_config(config, sensors), thread_cpu_ms) {
   status_.agent = config.agent.name;
+  if (is_calibrated(config.thermal.mode, sensors.thermal)) {
+    calibration_.emplace(config.thermal.photometric,
+                         cv::Size(sensors.camera.width, sensors.camera.height));
+  }
   if (config.agent.mode == FlightMode::kCollaborative) {
-    collaborator_.emplace(collaborator_config(config), visual_vocabulary(), sensors.camera);
+    collaborator_.emplace(collaborator_config(config),
+                          sensors.thermal ? thermal_vocabulary() : visual_vocabulary(),
+                          sensors.camera);
     if (config.fusion.mode == FusionMode::kJoint) {
       drift_.emplace(config.fusion.drift, config.agent.name);
     }
@@ -95,37 +110,68 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   result.timing = std::exchange(peer_work_, TimingRecord{});
   result.timing.stamp_ns = stamp_ns;
 
-  TrackedFrame frame;
-  {
-    const StageTimer timer(result.timing.track_ms);
-    frame = tracker_.track(stamp_ns, pixels, predicted_rotation(stamp_ns));
-  }
-  result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
-  result.tracks_begun = frame.added;
-  previous_image_ns_ = stamp_ns;
   ++status_.frames;
   status_.stamp_ns = stamp_ns;
-  status_.tracks = static_cast<std::uint32_t>(frame.features.size());
-
+  const Eigen::Matrix3d R_cam_previous = predicted_rotation(stamp_ns);
+  const cv::Mat grey = prepared(stamp_ns, pixels, R_cam_previous, result);
+  if (grey.empty()) {
+    result.update = estimator_.pass_image(stamp_ns);
+    result.timing.propagate_ms = result.update.propagate_ms;
+    if (started()) take_odometry(estimator_.odometry(), result);
+    return result;
+  }
+  TrackedFrame frame = track(stamp_ns, grey, R_cam_previous, result);
   if (!started()) start_if_possible(stamp_ns);
   if (started()) {
     result.update = estimator_.add_camera(to_measurement(frame));
     take_over(result.update, result.timing);
-    Odometry alone = estimator_.odometry();
-    alone.stamp_ns = stamp_ns;  // the image's clock, which may be offset from the IMU's
-    status_.status = alone.status;
-    if (collaborator_) result.advert = keyframe(frame, alone, result.timing);
+    take_odometry(estimator_.odometry(), result);
+    if (collaborator_) result.advert = keyframe(frame, *result.alone, result.timing);
     if (result.advert && config_.collaboration.exchange == ExchangeMode::kNaive) {
       result.advert.reset();
       if (auto newest = collaborator_->announcement()) {
         result.announcement = {*std::move(newest), estimator_.snapshot()};
       }
     }
-    result.odometry = drift_ ? drift_->corrected(alone) : alone;
-    result.alone = alone;
+    if (drift_) result.odometry = drift_->corrected(*result.alone);
   }
   forget_old_imu(stamp_ns);
   return result;
+}
+
+cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
+                           const Eigen::Matrix3d& R_cam_previous, ImageResult& result) {
+  if (!calibration_) return to_grey8(pixels);
+  const StageTimer timer(result.timing.thermal_ms);
+  const CalibratedImage calibrated =
+      calibration_->correct(stamp_ns, pixels, tracker_.predict(stamp_ns, R_cam_previous));
+  result.content = calibrated.content;
+  return calibrated.pixels;
+}
+
+TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
+                             const Eigen::Matrix3d& R_cam_previous, ImageResult& result) {
+  TrackedFrame frame;
+  {
+    const StageTimer timer(result.timing.track_ms);
+    frame = tracker_.track(stamp_ns, grey, R_cam_previous);
+  }
+  if (calibration_) {
+    const StageTimer timer(result.timing.thermal_ms);
+    calibration_->observe(tracker_.places());
+  }
+  result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
+  result.tracks_begun = frame.added;
+  previous_image_ns_ = stamp_ns;
+  status_.tracks = static_cast<std::uint32_t>(frame.features.size());
+  return frame;
+}
+
+void Pipeline::take_odometry(Odometry alone, ImageResult& result) {
+  alone.stamp_ns = result.timing.stamp_ns;  // the image's clock, may be offset from the IMU's
+  status_.status = alone.status;
+  result.odometry = drift_ ? drift_->corrected(alone) : alone;
+  result.alone = alone;
 }
 
 void Pipeline::start_if_possible(TimeNs stamp_ns) {

@@ -17,6 +17,7 @@
 #include "estimator/estimator.h"
 #include "frontend/camera.h"
 #include "frontend/collaborator.h"
+#include "frontend/photometric_calibration.h"
 #include "frontend/tracker.h"
 
 namespace covey {
@@ -30,6 +31,7 @@ struct SensorSetup {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
   ImuNoise imu_noise;
+  bool thermal = false;  // the camera
 };
 
 struct ImageResult {
@@ -38,6 +40,7 @@ struct ImageResult {
   std::optional<PlaceAdvert> advert;  // what to ask, when flying together: at keyframes, or always
   std::optional<FullPeerKeyframe> announcement;  // for all, in the naive exchange
   UpdateReport update;
+  ImageContent content = ImageContent::kScene;  // otherwise only propagated
   std::int64_t tracks_begun = 0;
   TimingRecord timing;  // without what happens outside: reading, the total
 };
@@ -53,6 +56,7 @@ class Pipeline {
   void add_imu(const ImuSample& sample);
   [[nodiscard]] TimeNs imu_moment(TimeNs image_stamp_ns) const;
 
+  // `pixels`: CV_8UC1 or CV_16UC1.
   [[nodiscard]] ImageResult add_image(TimeNs stamp_ns, const cv::Mat& pixels);
 
   // What peers send; only when flying together.
@@ -71,6 +75,12 @@ class Pipeline {
   [[nodiscard]] const DriftFilter* team_knowledge() const { return drift_ ? &*drift_ : nullptr; }
 
  private:
+  // What the tracker is to look at; empty when the image shows no scene.
+  [[nodiscard]] cv::Mat prepared(TimeNs stamp_ns, const cv::Mat& pixels,
+                                 const Eigen::Matrix3d& R_cam_previous, ImageResult& result);
+  [[nodiscard]] TrackedFrame track(TimeNs stamp_ns, const cv::Mat& grey,
+                                   const Eigen::Matrix3d& R_cam_previous, ImageResult& result);
+  void take_odometry(Odometry alone, ImageResult& result);
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
@@ -82,6 +92,7 @@ class Pipeline {
 
   AgentConfig config_;
   Initialisation initialisation_;
+  std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
   Tracker tracker_;
   Estimator estimator_;
   std::optional<Collaborator> collaborator_;

@@ -3,6 +3,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <optional>
@@ -47,6 +48,11 @@ class SensorFile {
     const double value = as<double>(key);
     if (!std::isfinite(value)) fail(root_[key], key + " must be finite");
     return value;
+  }
+
+  // Empty without the key.
+  [[nodiscard]] std::string optional_text(const std::string& key) const {
+    return root_[key] ? as<std::string>(key) : std::string();
   }
 
   [[nodiscard]] std::vector<double> numbers(const std::string& key, std::size_t count) const {
@@ -139,6 +145,13 @@ class SensorFile {
   YAML::Node root_;
 };
 
+// EuRoC files have no key for it: their comment names the camera.
+bool names_thermal_camera(std::string comment) {
+  for (char& c : comment) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return comment.find("thermal") != std::string::npos ||
+         comment.find("infrared") != std::string::npos;
+}
+
 DistortionModel distortion_model(const SensorFile& file) {
   const std::string name = file.text("distortion_model");
   if (name == "radial-tangential" || name == "radtan") return DistortionModel::kRadialTangential;
@@ -185,6 +198,7 @@ CameraCalibration read_camera_file(const std::filesystem::path& yaml) {
   calibration.extrinsics.p_imu_cam = T_imu_cam.translation();
   // Kalibr's name: t_imu = t_camera + shift.
   calibration.extrinsics.time_offset_s = file.optional_number("timeshift_cam_imu").value_or(0.0);
+  calibration.thermal = names_thermal_camera(file.optional_text("comment"));
   return calibration;
 }
 

@@ -13,6 +13,7 @@ namespace covey {
 struct CameraCalibration {
   CameraIntrinsics intrinsics;
   CameraExtrinsics extrinsics;  // the body is the IMU
+  bool thermal = false;         // its comment says so
 };
 
 // Both throw std::runtime_error naming file, key and line.

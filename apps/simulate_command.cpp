@@ -166,8 +166,12 @@ void read_recordings(Options& options) {
 
 void simulate(Options options) {
   options.request.scenario = *scenario_from_name(options.scenario);
-  if (options.raw16 && options.request.scenario != Scenario::kMarsYard)
-    throw std::runtime_error("simulate: --raw16 is for thermal cameras: use it with mars_yard");
+  if (options.request.scenario != Scenario::kMarsYard) {
+    if (options.raw16)
+      throw std::runtime_error("simulate: --raw16 is for thermal cameras: use it with mars_yard");
+    if (options.request.least_span_k > 0)
+      throw std::runtime_error("simulate: --span is for thermal cameras: use it with mars_yard");
+  }
   catch_stop_signals();
   StagedFolder folder(options.out, options.force);
   read_recordings(options);
@@ -216,6 +220,13 @@ void add_simulate_command(CLI::App& covey) {
   command->add_flag("--raw16", options->raw16, "Write 16-bit thermal images as well (cam0raw16)");
   command->add_flag("--shutter", request.shutter_events,
                     "Thermal cameras close their shutter now and then");
+  command
+      ->add_option("--span", request.least_span_k,
+                   "K that thermal cameras spread over their 256 grey levels at least: 40 leaves a "
+                   "yard about 4 grey levels of standard deviation")
+      ->check(CLI::Range(0.5, 500.0));
+  command->add_option("--lap", request.lap_m, "Length of each drone's lap in m (mars_yard)")
+      ->check(CLI::Range(5.0, 100.0));
   command->add_flag("--force", options->force, "Replace the folder if it exists");
   command->callback([options] { simulate(*options); });
 }

@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::string dataset, out, config_file;
+  std::string dataset, out, config_file, thermal;
   std::string mode = "collaborative", exchange = "compact", init = "auto", pace = "lockstep";
   std::vector<std::string> agents;
   bool force = false, with_solo = false;
@@ -148,6 +148,7 @@ TeamOptions team_options(const Options& options) {
     team.config = parse_config_file(options.config_file);
     team.config_name = options.config_file;
   }
+  if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
   (void)agent_config(team, team.drones.front(), 0);
   return team;
@@ -280,6 +281,11 @@ void add_team_command(CLI::App& covey) {
                    "lockstep: no frame is dropped; RATE: times real time, late frames are dropped")
       ->type_name("lockstep|RATE")
       ->capture_default_str();
+  command
+      ->add_option("--thermal", options->thermal,
+                   "Images as they are, or photometrically calibrated (default: thermal cameras' "
+                   "images are)")
+      ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_option("--agents", options->agents, "Only these drones, e.g. uav0,uav2")
       ->delimiter(',');
   command

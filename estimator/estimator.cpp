@@ -508,6 +508,24 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   return report;
 }
 
+UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
+  Impl& self = *impl_;
+  UpdateReport report = self.pending;
+  self.pending = {};
+  if (!self.state) return report;
+  const double start = self.now_ms();
+  const TimeNs stamp_ns = image_stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
+  report.propagated = !self.propagate(stamp_ns, report).empty();
+  if (!report.propagated) ++report.out_of_order;
+  if (seconds_between(self.healthy_ns, stamp_ns) >= kDegradedAfter_s) {
+    self.status = FilterStatus::kDegraded;
+  }
+  report.clones = static_cast<int>(self.state->clones().size());
+  report.slam_features = static_cast<int>(self.state->landmarks().size());
+  report.propagate_ms = self.now_ms() - start;
+  return report;
+}
+
 PeerReport Estimator::add_peer(const KeyframeMatch& match) {
   PeerReport report;
   if (!impl_->state || !impl_->seeing) {

@@ -67,6 +67,9 @@ class Estimator {
   // Propagates to the image, clones, updates, marginalises.
   UpdateReport add_camera(const CameraMeasurement& measurement);
 
+  // An image that shows nothing: only propagates to it. Tracks and landmarks wait for the next one.
+  UpdateReport pass_image(TimeNs image_stamp_ns);
+
   // Collaborative update by covariance intersection: own landmarks and a peer's are one point each
   // (paper, eq. 9..17). Of SLAM features and of tracks that are none (MSCKF features to be, and
   // opportunistic ones). If it changes the state, the bearings of those tracks are spent, as after

@@ -23,6 +23,7 @@ struct Track {
 
   Patch patch;
   std::uint64_t id = 0;
+  std::uint64_t patch_id = 0;
   PatchPlace place;
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();   // px/s, what rotation does not explain
@@ -99,7 +100,7 @@ struct Tracker::Impl {
   CornerGrid corners;
   ImagePyramid current;
   std::vector<Track> tracks;  // oldest first
-  std::uint64_t next_id = 1;
+  std::uint64_t next_id = 1, next_patch_id = 1;
   std::int64_t image_number = 0;
   // [k]: of the image k before the current one. `rotations` takes its bearings to the current
   // camera.
@@ -135,17 +136,18 @@ struct Tracker::Impl {
   }
 
   // Pixels of the patch and of the image must stay about the same size.
-  void keep_scale(Track& track) const {
+  void keep_scale(Track& track) {
     const double area_ratio = std::abs(track.place.affine.determinant());
     const double limit = config.max_scale * config.max_scale;
     if (area_ratio < limit && area_ratio * limit > 1) return;
     auto patch = Patch::cut(current, track.place.pixel, config.alignment);
     if (!patch) return;
     track.patch = std::move(*patch);
+    track.patch_id = next_patch_id++;
     track.place.affine.setIdentity();
   }
 
-  bool follow(Track& track, const Turned& turned, double dt) const {
+  bool follow(Track& track, const Turned& turned, double dt) {
     PatchPlace start;
     start.pixel = turned.pixel + dt * track.velocity;
     start.affine = turned.J * track.place.affine;
@@ -268,6 +270,7 @@ struct Tracker::Impl {
       if (!bearing || !patch) continue;
       Track track(std::move(*patch));
       track.id = next_id++;
+      track.patch_id = next_patch_id++;
       track.place.pixel = pixel;
       track.bearing = *bearing;
       track.velocity = neighbour_velocity(pixel, known);
@@ -326,6 +329,27 @@ TrackedFrame Tracker::track(TimeNs stamp_ns, const cv::Mat& pixels,
 }
 
 const ImagePyramid& Tracker::image() const { return impl_->current; }
+
+std::vector<TrackPlace> Tracker::places() const {
+  std::vector<TrackPlace> places;
+  places.reserve(impl_->tracks.size());
+  for (const Track& track : impl_->tracks) places.push_back({track.patch_id, track.place});
+  return places;
+}
+
+std::vector<TrackPlace> Tracker::predict(TimeNs stamp_ns,
+                                         const Eigen::Matrix3d& R_cam_previous) const {
+  const double dt = std::max(0.0, seconds_between(impl_->stamps[0], stamp_ns));
+  std::vector<TrackPlace> places;
+  places.reserve(impl_->tracks.size());
+  for (const Track& track : impl_->tracks) {
+    const auto turned = turn(impl_->camera, track.bearing, R_cam_previous);
+    if (!turned) continue;
+    const PatchPlace place{turned->pixel + dt * track.velocity, turned->J * track.place.affine};
+    places.push_back({track.patch_id, place});
+  }
+  return places;
+}
 
 void Tracker::describe(TrackedFrame& frame,
                        const std::optional<Eigen::Matrix3d>& R_world_cam) const {

@@ -51,6 +51,13 @@ struct TrackedFeature {
   bool described = false;
 };
 
+// Where the patch of a track lies in an image. A track whose patch is cut anew gets another id
+// here: it is another patch of the scene.
+struct TrackPlace {
+  std::uint64_t patch_id = 0;
+  PatchPlace place;
+};
+
 struct TrackedFrame {
   TimeNs stamp_ns = 0;
   std::vector<TrackedFeature> features;  // oldest track first
@@ -74,6 +81,12 @@ class Tracker {
 
   // The current one, as it is tracked. Its pixels are never written again.
   [[nodiscard]] const ImagePyramid& image() const;
+
+  // Where the tracks are in the last image, and where they will be looked for in the image of that
+  // moment.
+  [[nodiscard]] std::vector<TrackPlace> places() const;
+  [[nodiscard]] std::vector<TrackPlace> predict(TimeNs stamp_ns,
+                                                const Eigen::Matrix3d& R_cam_previous) const;
 
   // ORB descriptors of the current image at the tracks' current places. With the camera's attitude
   // they are oriented by the world: that is what two drones can compare best.

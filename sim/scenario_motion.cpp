@@ -189,9 +189,10 @@ DronePlan castle_parallel(const Drone& drone, Random& random, double team_height
 }
 
 // A square lap over the yard, small and low or large and high; heading kept but for a slow swing.
-DronePlan mars_yard(const Drone& drone, Random& random) {
+// `lap_m`: 0 for the laps of the paper's flight.
+DronePlan mars_yard(const Drone& drone, Random& random, double lap_m) {
   const bool wide = drone.index % 2 == 1;
-  const double length = wide ? 18 : 11;
+  const double length = lap_m > 0 ? lap_m : (wide ? 18 : 11);
   const int pair = drone.index / 2;
   const double height = (wide ? 4.0 : 2.5) + 0.6 * pair + random.uniform(-0.2, 0.2);
   const RoundedSquare lap(length * random.uniform(0.98, 1.02), random.uniform(3.5, 4.5));
@@ -293,6 +294,12 @@ std::vector<DronePlan> plan_flights(const FlightRequest& request) {
   drone.agents = request.agents > 0 ? request.agents : default_agents(request.scenario);
   drone.nominal_s = default_duration_s(request.scenario);
   drone.duration_s = request.duration_s > 0 ? request.duration_s : drone.nominal_s;
+  if (request.lap_m != 0) {
+    if (request.scenario != Scenario::kMarsYard || !(request.lap_m >= 5 && request.lap_m <= 100)) {
+      throw std::runtime_error("simulate: --lap is for mars_yard, 5 to 100 m");
+    }
+    drone.nominal_s = drone.duration_s;
+  }
   const double team_height = Random(request.seed).uniform(5, 8);
   std::vector<DronePlan> plans;
   for (; drone.index < drone.agents; ++drone.index) {
@@ -305,7 +312,7 @@ std::vector<DronePlan> plan_flights(const FlightRequest& request) {
         plans.push_back(castle_parallel(drone, random, team_height));
         break;
       case Scenario::kMarsYard:
-        plans.push_back(mars_yard(drone, random));
+        plans.push_back(mars_yard(drone, random, request.lap_m));
         break;
       case Scenario::kRoom:
         plans.push_back(room(drone, random));

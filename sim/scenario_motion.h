@@ -27,6 +27,7 @@ struct FlightRequest {
   std::uint64_t seed = 1;
   int agents = 0;         // 0: the scenario's own number (or one for each recorded trajectory)
   double duration_s = 0;  // 0: the scenario's own (or the recorded one)
+  double lap_m = 0;  // m, yard: length of everybody's lap, one in the flight; 0: the scenario's
   std::vector<Trajectory> recorded;  // flown instead of invented motion, one for each drone
 };
 

@@ -111,6 +111,12 @@ std::vector<RecordedFlight> prepare_recorded(const SimulationRequest& request) {
   return recorded;
 }
 
+ThermalSensor thermal_sensor(const SimulationRequest& request) {
+  ThermalSensor sensor;
+  if (request.least_span_k > 0) sensor.min_range_k = request.least_span_k;
+  return sensor;
+}
+
 CameraIntrinsics intrinsics_of(bool thermal) {
   return thermal ? thermal_intrinsics() : visual_intrinsics();
 }
@@ -157,7 +163,7 @@ DroneSimulation::DroneSimulation(Plan plan, std::shared_ptr<const Scene> scene,
     if (stamp_ns >= plan_.imu.samples.front().stamp_ns) image_stamps_.push_back(stamp_ns);
   }
   if (plan_.thermal)
-    thermal_.emplace(renderer_->camera(), ThermalSensor{}, plan_.seed, plan_.shutter_events);
+    thermal_.emplace(renderer_->camera(), plan_.thermal_sensor, plan_.seed, plan_.shutter_events);
   else
     visual_.emplace(renderer_->camera(), VisualSensor{}, plan_.seed);
 }
@@ -204,7 +210,7 @@ SimulatedImage DroneSimulation::next_image() {
   const CameraMotion motion = motion_at(state_at(stamp_ns));
   if (thermal_) {
     const TemporalResponse lag{TemporalResponse::Shape::kExponentialLag,
-                               ThermalSensor{}.time_constant_s};
+                               plan_.thermal_sensor.time_constant_s};
     const auto image =
         thermal_->expose(renderer_->blur_by_motion(sharp, motion, lag), since_last_s);
     return {image.grey, image.raw16};
@@ -217,7 +223,8 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
   if (!(request.camera_rate_hz >= 1 && request.camera_rate_hz <= 200))
     throw std::runtime_error("simulate: --rate must be 1 to 200 Hz");
   const std::vector<RecordedFlight> recorded = prepare_recorded(request);
-  FlightRequest flights{request.scenario, request.seed, request.agents, request.duration_s, {}};
+  FlightRequest flights{request.scenario,   request.seed,  request.agents,
+                        request.duration_s, request.lap_m, {}};
   for (const RecordedFlight& flight : recorded) flights.recorded.push_back(fly_again(flight));
   const std::vector<DronePlan> plans = plan_flights(flights);
 
@@ -233,6 +240,7 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
                                keeps_imu ? recorded[i].states.front().stamp_ns : kStart_ns,
                                thermal,
                                request.shutter_events,
+                               thermal_sensor(request),
                                request.camera_rate_hz,
                                seed,
                                {},

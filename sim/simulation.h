@@ -29,7 +29,9 @@ struct SimulationRequest {
   int agents = 0;         // 0: as the scenario says
   double duration_s = 0;  // s; 0: as the scenario or the recording says
   double camera_rate_hz = 30;
+  double lap_m = 0;             // m, see FlightRequest
   bool shutter_events = false;  // thermal cameras only
+  double least_span_k = 0;      // K, thermal cameras only: ThermalSensor::min_range_k; 0: its own
   int texture_size = 4096;      // texels; smaller in quick tests
   std::vector<RecordedFlight> recorded;
 };
@@ -47,6 +49,7 @@ class DroneSimulation {
     TimeNs start_ns = 0;  // stamp of the trajectory's time 0
     bool thermal = false;
     bool shutter_events = false;
+    ThermalSensor thermal_sensor;
     double camera_rate_hz = 30;
     std::uint64_t seed = 1;
     ImuRecording imu;  // with true biases
@@ -65,6 +68,10 @@ class DroneSimulation {
 
   [[nodiscard]] Eigen::Isometry3d camera_pose(TimeNs stamp_ns) const;  // T_world_cam
   [[nodiscard]] SimulatedImage next_image();
+  // Of the last image; null for a visual camera.
+  [[nodiscard]] const ThermalTruth* thermal_truth() const {
+    return thermal_ ? &thermal_->truth() : nullptr;
+  }
   void skip_images(std::size_t count) { next_ += count; }
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }

@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/photometric_calibration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+namespace covey {
+namespace {
+
+// Calibrated levels: the first image's mean in the middle, its deviation this many levels.
+constexpr double kLevelsPerSigma = 128;
+constexpr int kMiddle = ToneCurve::kLevels / 2;
+constexpr int kPatch = 11;      // px, side of the patch whose mean is compared
+constexpr int kSampleStep = 8;  // px, for statistics of the whole image
+
+double pixel(const cv::Mat& image, int y, int x) {
+  return image.depth() == CV_8U ? image.at<std::uint8_t>(y, x) : image.at<std::uint16_t>(y, x);
+}
+
+struct PatchGrey {
+  double mean = 0, spread = 0;  // grey levels
+};
+
+// Mean and deviation of a track's patch, warped with it: when the camera comes nearer, the mean of
+// a square of the image is that of less of the scene, which looks like a change of gain. Nothing at
+// the image's edge, nor where a pixel has no value of its own: black, white, or all equal, which is
+// how a sensor of fewer bits than its image saturates.
+template <typename Pixel>
+std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& place) {
+  constexpr int kRadius = kPatch / 2;
+  const Eigen::Vector2d reach = kRadius * place.affine.cwiseAbs().rowwise().sum();
+  const Eigen::Vector2d lowest = place.pixel - reach, highest = place.pixel + reach;
+  if (!(lowest.minCoeff() >= 1 && highest.x() < image.cols - 2 && highest.y() < image.rows - 2)) {
+    return std::nullopt;
+  }
+  const Eigen::Vector2f step = place.affine.col(0).cast<float>();
+  float sum = 0, squares = 0;  // of what differs from the first pixel
+  Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
+  const float base = image.at<Pixel>(static_cast<int>(lowest.y()), static_cast<int>(lowest.x()));
+  for (int v = -kRadius; v <= kRadius; ++v) {
+    Eigen::Vector2f p =
+        (place.pixel + place.affine * Eigen::Vector2d(-kRadius, v)).template cast<float>();
+    for (int u = 0; u < kPatch; ++u, p += step) {
+      const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
+      const float fx = p.x() - static_cast<float>(x), fy = p.y() - static_cast<float>(y);
+      const Pixel* above = image.ptr<Pixel>(y) + x;
+      const Pixel* below = image.ptr<Pixel>(y + 1) + x;
+      const float grey = (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
+                         fy * ((1 - fx) * below[0] + fx * below[1]) - base;
+      sum += grey;
+      squares += grey * grey;
+      least = std::min(least, above[0]);
+      most = std::max(most, above[0]);
+    }
+  }
+  if (least == most || least == 0 || most == std::numeric_limits<Pixel>::max()) {
+    return std::nullopt;
+  }
+  constexpr float kPixels = kPatch * kPatch;
+  const float mean = sum / kPixels;
+  return PatchGrey{base + mean, std::sqrt(std::max(0.0f, squares / kPixels - mean * mean))};
+}
+
+template <typename Pixel>
+void look_up(const cv::Mat& image, const std::vector<std::int16_t>& table, const cv::Mat& bias,
+             const std::array<std::uint8_t, ToneCurve::kLevels>& tone, cv::Mat& out) {
+  for (int y = 0; y < image.rows; ++y) {
+    const Pixel* in = image.ptr<Pixel>(y);
+    const auto* field = bias.ptr<std::int16_t>(y);
+    auto* grey = out.ptr<std::uint8_t>(y);
+    for (int x = 0; x < image.cols; ++x) {
+      const int level = table[in[x]] - field[x];
+      grey[x] = tone[static_cast<std::size_t>(std::clamp(level, 0, ToneCurve::kLevels - 1))];
+    }
+  }
+}
+
+// The mean of the pixels beside it that are not replaced themselves.
+void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
+  const auto is_bad = [&bad](const cv::Point& p) {
+    return std::find(bad.begin(), bad.end(), p) != bad.end();
+  };
+  const cv::Rect inside(0, 0, image.cols, image.rows);
+  for (const cv::Point& p : bad) {
+    int sum = 0, count = 0;
+    for (const cv::Point& beside : {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
+      if (!inside.contains(p + beside) || is_bad(p + beside)) continue;
+      sum += image.at<std::uint8_t>(p + beside);
+      ++count;
+    }
+    if (count > 0) image.at<std::uint8_t>(p) = static_cast<std::uint8_t>(sum / count);
+  }
+}
+
+struct GreyStatistics {
+  double mean = 0, sigma = 1;
+};
+
+// Of the pixels that are not saturated.
+GreyStatistics unsaturated(const cv::Mat& image) {
+  const double white = image.depth() == CV_8U ? 255 : 65535;
+  double count = 0, sum = 0, squares = 0;
+  for (int y = 0; y < image.rows; y += kSampleStep) {
+    for (int x = 0; x < image.cols; x += kSampleStep) {
+      const double grey = pixel(image, y, x);
+      if (grey <= 0 || grey >= white) continue;
+      ++count;
+      sum += grey;
+      squares += grey * grey;
+    }
+  }
+  if (count == 0) return {};
+  constexpr double kLeastSigma = 0.25;  // grey levels
+  const double mean = sum / count;
+  const double variance = std::max(0.0, squares / count - mean * mean);
+  return {mean, std::max(kLeastSigma, std::sqrt(variance))};
+}
+
+// A chain that has gone astray squeezes the image into few levels, or pushes it out of their range.
+bool plausible(const std::vector<int>& levels) {
+  constexpr double kMost = 5;  // times narrower or wider than at its start
+  double sum = 0, squares = 0;
+  for (const int level : levels) {
+    sum += level;
+    squares += static_cast<double>(level) * level;
+  }
+  const auto count = static_cast<double>(levels.size());
+  const double mean = sum / count;
+  const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  return deviation > kLevelsPerSigma / kMost && deviation < kLevelsPerSigma * kMost &&
+         std::abs(mean - kMiddle) < 0.35 * ToneCurve::kLevels;
+}
+
+}  // namespace
+
+PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size)
+    : config_(config),
+      shutter_(config.shutter),
+      gain_(config.gain),
+      field_(config.field, image_size),
+      tone_(config.tone),
+      bias_(cv::Mat::zeros(image_size, CV_16SC1)) {}
+
+CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& image,
+                                                const std::vector<TrackPlace>& expected) {
+  CalibratedImage result;
+  result.content = shutter_.look(image);
+  if (result.content != ImageContent::kScene) {
+    blind_ = true;
+    return result;
+  }
+  const double elapsed_s = stamp_ns_ == 0 ? 0 : seconds_between(stamp_ns_, stamp_ns);
+  image_ = image;
+  stamp_ns_ = stamp_ns;
+  if (!blind_) {
+    result.map = config_.temporal ? gain_.estimate(without_field(look(expected))) : gain_.latest();
+    build_table(result.map);
+  }
+  result.restarted = blind_ || !plausible(levels());
+  if (result.restarted) {
+    restart(image);
+    result.map = gain_.latest();
+    build_table(result.map);
+  }
+  blind_ = false;
+  tone_.adapt(levels(), elapsed_s);
+  result.pixels = apply();
+  return result;
+}
+
+// After the camera looked at its shutter gain, offset and field are others: the chain begins anew.
+void PhotometricCalibration::restart(const cv::Mat& image) {
+  choose_units(image);
+  gain_.restart({});
+  field_.reset();
+  sightings_.clear();
+  bias_.setTo(0);
+  tone_.reset();
+  refreshed_ns_ = 0;
+}
+
+void PhotometricCalibration::choose_units(const cv::Mat& image) {
+  const GreyStatistics statistics = unsaturated(image);
+  centre_ = statistics.mean;
+  sigma_ = statistics.sigma;
+}
+
+// What would give the current image the mean and the deviation of the chain's first.
+GainOffset PhotometricCalibration::like_the_first() const {
+  const GreyStatistics statistics = unsaturated(image_);
+  const double gain = sigma_ / statistics.sigma;
+  return {gain, centre_ - gain * statistics.mean};
+}
+
+std::vector<PhotometricCalibration::Sighting> PhotometricCalibration::look(
+    const std::vector<TrackPlace>& places) const {
+  std::vector<Sighting> seen;
+  seen.reserve(places.size());
+  for (const TrackPlace& track : places) {
+    const auto grey = image_.depth() == CV_8U ? patch_grey<std::uint8_t>(image_, track.place)
+                                              : patch_grey<std::uint16_t>(image_, track.place);
+    if (grey) seen.push_back({track.patch_id, track.place.pixel, grey->mean, grey->spread});
+  }
+  std::sort(seen.begin(), seen.end(),
+            [](const Sighting& a, const Sighting& b) { return a.patch_id < b.patch_id; });
+  return seen;
+}
+
+std::vector<TrackGrey> PhotometricCalibration::without_field(
+    const std::vector<Sighting>& seen) const {
+  std::vector<TrackGrey> greys;
+  greys.reserve(seen.size());
+  for (const Sighting& s : seen) {
+    greys.push_back({s.patch_id, s.grey, s.spread, sigma_ * field_.at(s.pixel)});
+  }
+  return greys;
+}
+
+void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
+  if (blind_) return;
+  const std::vector<Sighting> seen = look(tracks);
+  if (config_.temporal) gain_.add(stamp_ns_, without_field(seen), like_the_first());
+  if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
+  const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
+  if (config_.spatial && since_s >= config_.field.refresh_s) refresh(seen, since_s);
+  if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
+  if (seconds_between(checked_ns_, stamp_ns_) >= config_.bad_pixels.interval_s) {
+    checked_ns_ = stamp_ns_;
+    find_bad_pixels(image_);
+  }
+}
+
+// What the field did to the patches since earlier images, near and far.
+void PhotometricCalibration::refresh(std::vector<Sighting> seen, double elapsed_s) {
+  constexpr std::size_t kLookedBack = 4;
+  refreshed_ns_ = stamp_ns_;
+  for (std::size_t lag = 0; lag < sightings_.size(); lag += kLookedBack - 1) {
+    compare(sightings_[lag], seen);
+  }
+  sightings_.push_front(std::move(seen));
+  if (sightings_.size() > kLookedBack) sightings_.pop_back();
+  field_.solve();
+  field_.age(elapsed_s);
+  bias_ = field_.image(kLevelsPerSigma);
+}
+
+void PhotometricCalibration::compare(const std::vector<Sighting>& before,
+                                     const std::vector<Sighting>& now) {
+  const auto level = [this](const Sighting& seen) {
+    return (gain_.latest()(seen.grey) - centre_) / sigma_;
+  };
+  std::vector<FieldDifference> differences;
+  auto past = before.begin();
+  for (const Sighting& seen : now) {
+    while (past != before.end() && past->patch_id < seen.patch_id) ++past;
+    if (past == before.end()) break;
+    if (past->patch_id != seen.patch_id) continue;
+    differences.push_back({past->pixel, seen.pixel, level(*past), level(seen)});
+  }
+  field_.add(differences);
+}
+
+// Pixels that always stand out against their neighbours, while the scene moves past them.
+void PhotometricCalibration::find_bad_pixels(const cv::Mat& image) {
+  cv::Mat smooth, difference;
+  cv::medianBlur(image, smooth, 3);
+  cv::absdiff(image, smooth, difference);
+  double total = 0;
+  int count = 0;
+  for (int y = 0; y < image.rows; y += kSampleStep, ++count) {
+    const cv::Mat row = difference.row(y);
+    total += cv::mean(row)[0];
+  }
+  constexpr int kPlausible = 500;  // one pixel in so many may be bad; more is something else
+  const double typical = std::max(0.5, total / std::max(1, count));  // mean absolute deviation
+  cv::Mat standing_out;
+  cv::compare(difference, config_.bad_pixels.deviations * 1.25 * typical, standing_out, cv::CMP_GT);
+  std::vector<cv::Point> found;
+  const int outstanding = cv::countNonZero(standing_out);
+  if (outstanding > 0 && outstanding < static_cast<int>(image.total()) / kPlausible) {
+    cv::findNonZero(standing_out, found);
+  }
+  std::vector<int> suspicion(found.size(), 1);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const auto before = std::find(suspects_.begin(), suspects_.end(), found[i]);
+    if (before == suspects_.end()) continue;
+    suspicion[i] += suspicion_[static_cast<std::size_t>(before - suspects_.begin())];
+  }
+  suspects_ = std::move(found);
+  suspicion_ = std::move(suspicion);
+  bad_pixels_.clear();
+  for (std::size_t i = 0; i < suspects_.size(); ++i) {
+    if (suspicion_[i] >= config_.bad_pixels.checks) bad_pixels_.push_back(suspects_[i]);
+  }
+}
+
+void PhotometricCalibration::build_table(const GainOffset& map) {
+  const double scale = kLevelsPerSigma / sigma_;
+  const double gain = scale * map.gain;
+  const double offset = scale * (map.offset - centre_) + kMiddle + 0.5;
+  table_.resize(image_.depth() == CV_8U ? 256 : 65536);
+  constexpr double kEnd = 2.0 * ToneCurve::kLevels;  // leaves room for the field
+  for (std::size_t grey = 0; grey < table_.size(); ++grey) {
+    const double level = gain * static_cast<double>(grey) + offset;
+    table_[grey] = static_cast<std::int16_t>(std::clamp(level, -kEnd, kEnd));
+  }
+}
+
+// Calibrated levels of pixels from all over the image.
+std::vector<int> PhotometricCalibration::levels() const {
+  std::vector<int> sample;
+  for (int y = kSampleStep / 2; y < image_.rows; y += kSampleStep) {
+    for (int x = kSampleStep / 2; x < image_.cols; x += kSampleStep) {
+      const auto grey = static_cast<std::size_t>(pixel(image_, y, x));
+      const int level = table_[grey] - bias_.at<std::int16_t>(y, x);
+      sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
+    }
+  }
+  return sample;
+}
+
+cv::Mat PhotometricCalibration::apply() const {
+  cv::Mat grey(image_.size(), CV_8UC1);
+  if (image_.depth() == CV_8U) {
+    look_up<std::uint8_t>(image_, table_, bias_, tone_.table(), grey);
+  } else {
+    look_up<std::uint16_t>(image_, table_, bias_, tone_.table(), grey);
+  }
+  replace(grey, bad_pixels_);
+  return grey;
+}
+
+cv::Mat PhotometricCalibration::field() const {
+  cv::Mat field;
+  field_.image(kLevelsPerSigma).convertTo(field, CV_32F, sigma_ / kLevelsPerSigma);
+  return field;
+}
+
+}  // namespace covey

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Thermal images as the tracker wants them: gain and offset of every image and the additive field
+// taken out (Das, Matthies and Daftry, "Online photometric calibration of automatic gain thermal
+// infrared cameras", RA-L 2021), dead and hot pixels replaced, contrast spread over 8 bits. What
+// it compares are the tracker's own tracks: where they are about to be looked for gives the image's
+// gain before it is tracked, where they are found refines it.
+//
+// 8-bit images of automatic gain and 14- or 16-bit radiometric ones go the same way. Not
+// thread-safe; same input, same output.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "estimator/measurements.h"
+#include "frontend/shutter_detector.h"
+#include "frontend/spatial_field.h"
+#include "frontend/temporal_gain.h"
+#include "frontend/tone_curve.h"
+#include "frontend/tracker.h"
+
+namespace covey {
+
+struct BadPixelConfig {
+  double interval_s = 1;  // s between two checks
+  double deviations = 8;  // from the median of its neighbours, robust deviations of all pixels
+  int checks = 3;         // one after the other, before a pixel is replaced
+};
+
+struct PhotometricConfig {
+  bool temporal = true, spatial = true;  // what is estimated; without either, contrast only
+  TemporalConfig gain;
+  SpatialConfig field;
+  ShutterConfig shutter;
+  BadPixelConfig bad_pixels;
+  ToneConfig tone;
+};
+
+struct CalibratedImage {
+  ImageContent content = ImageContent::kScene;
+  // The first of a chain: after the camera did not see, or because the chain went astray.
+  bool restarted = false;
+  GainOffset map;  // from the image's grey levels to those of the chain's first image
+  cv::Mat pixels;  // CV_8UC1; empty when it shows no scene
+};
+
+class PhotometricCalibration {
+ public:
+  PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size);
+
+  // `image`: CV_8UC1 or CV_16UC1 in time order. `expected`: where the tracker will look for its
+  // tracks in it.
+  [[nodiscard]] CalibratedImage correct(TimeNs stamp_ns, const cv::Mat& image,
+                                        const std::vector<TrackPlace>& expected);
+  // Where they were found in that image.
+  void observe(const std::vector<TrackPlace>& tracks);
+
+  // The additive field, CV_32FC1, in grey levels of the chain's first image.
+  [[nodiscard]] cv::Mat field() const;
+  [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_; }
+
+ private:
+  // What an image showed of a patch: for the field, which is seen between two images.
+  struct Sighting {
+    std::uint64_t patch_id = 0;
+    Eigen::Vector2d pixel;
+    double grey = 0, spread = 0;  // mean and standard deviation of its pixels, grey levels
+  };
+
+  void restart(const cv::Mat& image);
+  void choose_units(const cv::Mat& image);
+  [[nodiscard]] GainOffset like_the_first() const;
+  [[nodiscard]] std::vector<Sighting> look(const std::vector<TrackPlace>& places) const;
+  [[nodiscard]] std::vector<TrackGrey> without_field(const std::vector<Sighting>& seen) const;
+  void compare(const std::vector<Sighting>& before, const std::vector<Sighting>& now);
+  void refresh(std::vector<Sighting> seen, double elapsed_s);
+  void find_bad_pixels(const cv::Mat& image);
+  void build_table(const GainOffset& map);
+  [[nodiscard]] cv::Mat apply() const;
+  [[nodiscard]] std::vector<int> levels() const;
+
+  PhotometricConfig config_;
+  ShutterDetector shutter_;
+  TemporalGain gain_;
+  SpatialField field_;
+  ToneCurve tone_;
+
+  cv::Mat image_;  // the current one, as it came
+  bool blind_ = true;
+  TimeNs stamp_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
+  double centre_ = 0, sigma_ = 1;                // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;              // image's grey level to calibrated level
+  cv::Mat bias_;                                 // CV_16SC1, the field, calibrated levels
+  std::deque<std::vector<Sighting>> sightings_;  // one per refresh, newest first; by patch
+  std::vector<cv::Point> suspects_, bad_pixels_;
+  std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
+};
+
+}  // namespace covey

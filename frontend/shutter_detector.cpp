@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/shutter_detector.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+
+namespace covey {
+namespace {
+
+constexpr int kStep = 8;  // px
+
+template <typename Pixel>
+std::vector<std::uint16_t> thinned(const cv::Mat& image) {
+  std::vector<std::uint16_t> sample;
+  sample.reserve((static_cast<std::size_t>(image.rows) / kStep + 1) *
+                 (static_cast<std::size_t>(image.cols) / kStep + 1));
+  for (int y = kStep / 2; y < image.rows; y += kStep) {
+    const Pixel* row = image.ptr<Pixel>(y);
+    for (int x = kStep / 2; x < image.cols; x += kStep) sample.push_back(row[x]);
+  }
+  return sample;
+}
+
+// Between the 1st and the 99th percentile.
+double spread(std::vector<std::uint16_t> sample) {
+  if (sample.empty()) return 0;
+  const auto ignored = static_cast<std::ptrdiff_t>(sample.size() / 100);
+  const auto low = sample.begin() + ignored, high = sample.end() - 1 - ignored;
+  std::nth_element(sample.begin(), low, sample.end());
+  const int darkest = *low;
+  std::nth_element(sample.begin(), high, sample.end());
+  return *high - darkest;
+}
+
+}  // namespace
+
+ImageContent ShutterDetector::look(const cv::Mat& image) {
+  const bool wide = image.depth() == CV_16U;
+  std::vector<std::uint16_t> sample =
+      wide ? thinned<std::uint16_t>(image) : thinned<std::uint8_t>(image);
+  std::size_t same = 0;
+  if (sample.size() == last_.size()) {
+    for (std::size_t i = 0; i < sample.size(); ++i) same += sample[i] == last_[i] ? 1 : 0;
+  }
+  const bool repeated =
+      !last_.empty() &&
+      static_cast<double>(same) >= config_.repeated_share * static_cast<double>(sample.size());
+  last_ = std::move(sample);
+  const double limit = wide ? config_.uniform_range_16bit : config_.uniform_range_8bit;
+  if (spread(last_) <= limit) return ImageContent::kUniform;
+  return repeated ? ImageContent::kRepeated : ImageContent::kScene;
+}
+
+}  // namespace covey

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/temporal_gain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace covey {
+namespace {
+
+struct Moments {
+  double now = 0, past = 0;       // weighted means
+  double nn = 0, np = 0, pp = 0;  // weighted covariance
+};
+
+Moments moments(const std::vector<GreyPair>& pairs, const std::vector<double>& weights) {
+  Moments m;
+  double total = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    total += weights[i];
+    m.now += weights[i] * pairs[i].now;
+    m.past += weights[i] * pairs[i].past;
+  }
+  m.now /= total;
+  m.past /= total;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double now = pairs[i].now - m.now, past = pairs[i].past - m.past;
+    m.nn += weights[i] * now * now / total;
+    m.np += weights[i] * now * past / total;
+    m.pp += weights[i] * past * past / total;
+  }
+  return m;
+}
+
+// Noise of `past` is `ratio` times that of `now`.
+std::optional<GainOffset> orthogonal_fit(const Moments& m, double ratio) {
+  constexpr double kLeastVariance = 1e-6;  // grey levels^2
+  const double scaled = ratio * ratio;
+  if (!(m.np > 0) || m.nn < kLeastVariance || m.pp < kLeastVariance) return std::nullopt;
+  const double difference = m.pp - scaled * m.nn;
+  GainOffset map;
+  map.gain =
+      (difference + std::sqrt(difference * difference + 4 * scaled * m.np * m.np)) / (2 * m.np);
+  map.offset = m.past - map.gain * m.now;
+  return map;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<double> distances(const std::vector<GreyPair>& pairs, const GainOffset& map) {
+  std::vector<double> distances;
+  distances.reserve(pairs.size());
+  for (const GreyPair& pair : pairs) distances.push_back(std::abs(pair.past - map(pair.now)));
+  return distances;
+}
+
+}  // namespace
+
+std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs, int iterations) {
+  if (pairs.size() < 3) return std::nullopt;
+  // Start: spread against spread, by medians, so that outliers do not even steer the first step.
+  std::vector<double> now, past;
+  for (const GreyPair& pair : pairs) {
+    now.push_back(pair.now);
+    past.push_back(pair.past);
+  }
+  const double now_middle = median(now), past_middle = median(past);
+  for (double& value : now) value = std::abs(value - now_middle);
+  for (double& value : past) value = std::abs(value - past_middle);
+  const double now_spread = median(now), past_spread = median(past);
+  if (!(now_spread > 0) || !(past_spread > 0)) return std::nullopt;
+  GainOffset map;
+  map.gain = past_spread / now_spread;
+  map.offset = past_middle - map.gain * now_middle;
+
+  constexpr double kCauchy = 2.385 / 0.6745;  // 95 % efficient, per median absolute residual
+  constexpr double kConverged = 1e-4;         // relative change of the gain
+  std::vector<double> weights(pairs.size());
+  for (int i = 0; i < iterations; ++i) {
+    const std::vector<double> residuals = distances(pairs, map);
+    const double scale = std::max(kCauchy * median(residuals), 1e-9);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const double r = residuals[k] / scale;
+      weights[k] = 1 / (1 + r * r);
+    }
+    const auto better = orthogonal_fit(moments(pairs, weights), map.gain);
+    if (!better) return std::nullopt;
+    const bool converged = std::abs(better->gain / map.gain - 1) < kConverged;
+    map = *better;
+    if (converged) break;
+  }
+  return map;
+}
+
+// The gain is fitted to what varies within the patches: a field of low frequency, known or not,
+// does not touch it. Their means then tell the offset. Both lists are sorted by id.
+std::optional<GainOffset> TemporalGain::against(const PastImage& past,
+                                                const std::vector<TrackGrey>& tracks) const {
+  std::vector<GreyPair> spreads, means;
+  auto before = past.tracks.begin();
+  for (const TrackGrey& track : tracks) {
+    while (before != past.tracks.end() && before->patch_id < track.patch_id) ++before;
+    if (before == past.tracks.end()) break;
+    if (before->patch_id != track.patch_id) continue;
+    spreads.push_back({track.spread, before->spread});
+    spreads.push_back({-track.spread, -before->spread});
+    means.push_back(
+        {track.grey - track.field / latest_.gain, before->grey - before->field / past.map.gain});
+  }
+  if (means.size() < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
+  const auto link = fit_gain_offset(spreads, config_.iterations);
+  if (!link) return std::nullopt;
+  std::vector<double> offsets;
+  offsets.reserve(means.size());
+  for (const GreyPair& pair : means) offsets.push_back(pair.past - link->gain * pair.now);
+  return GainOffset{past.map.gain * link->gain, past.map(median(std::move(offsets)))};
+}
+
+GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks) const {
+  std::vector<TrackGrey> sorted = tracks;
+  std::sort(sorted.begin(), sorted.end(),
+            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
+  double middle = 0;  // grey level at which the offsets are averaged
+  for (const TrackGrey& track : sorted) middle += track.grey / static_cast<double>(sorted.size());
+  double log_gain = 0, level = 0;
+  int links = 0;
+  const auto spacing = static_cast<std::size_t>(config_.spacing);
+  for (std::size_t lag = 0; lag < images_.size(); lag += spacing) {
+    const auto map = against(images_[lag], sorted);
+    if (!map) continue;
+    log_gain += std::log(map->gain);
+    level += (*map)(middle);
+    ++links;
+  }
+  if (links == 0) return latest_;
+  GainOffset map;
+  map.gain = std::exp(log_gain / links);
+  map.offset = level / links - map.gain * middle;
+  return map;
+}
+
+GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
+                                 double elapsed_s) const {
+  const double keep = std::exp(-elapsed_s / config_.relaxation_s);
+  GainOffset pulled;
+  pulled.gain = anchor.gain * std::pow(map.gain / anchor.gain, keep);
+  pulled.offset = anchor(grey) + keep * (map(grey) - anchor(grey)) - pulled.gain * grey;
+  return pulled;
+}
+
+GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks,
+                             const GainOffset& anchor) {
+  std::sort(tracks.begin(), tracks.end(),
+            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
+  GainOffset map = estimate(tracks);
+  if (last_ns_ != 0 && !tracks.empty()) {
+    const double middle_grey = tracks[tracks.size() / 2].grey;
+    map = relaxed(map, anchor, middle_grey, seconds_between(last_ns_, stamp_ns));
+  }
+  last_ns_ = stamp_ns;
+  latest_ = map;
+  images_.push_front({map, std::move(tracks)});
+  const auto spacing = static_cast<std::size_t>(config_.spacing);
+  const auto kept = static_cast<std::size_t>(config_.window) * spacing;
+  if (images_.size() > kept) images_.pop_back();
+  return latest_;
+}
+
+void TemporalGain::restart(const GainOffset& first) {
+  images_.clear();
+  latest_ = first;
+}
+
+}  // namespace covey

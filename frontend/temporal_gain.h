@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Gain and offset of each image against a window of past ones. Automatic gain stretches the
+// temperatures between two levels to grey levels; gains and offsets form the one-dimensional affine
+// group, are chained over the window and averaged (Das, Matthies and Daftry, RA-L 2021, section
+// III). What they call a frame's parameters is here the map from its grey levels to those of the
+// chain's first image.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <vector>
+
+#include "estimator/measurements.h"
+
+namespace covey {
+
+// calibrated = gain * grey + offset, both in grey levels.
+struct GainOffset {
+  double gain = 1, offset = 0;
+  [[nodiscard]] double operator()(double grey) const { return gain * grey + offset; }
+};
+
+struct TemporalConfig {
+  int window = 10;          // past images an image is compared with
+  int spacing = 3;          // images between two of them
+  int min_tracks = 12;      // shared with a past image, otherwise the two are not compared
+  int iterations = 20;      // of reweighting at most
+  double relaxation_s = 5;  // s, time constant of the pull back to what add() is given
+};
+
+// The same patch in two images: its mean, grey levels of either.
+struct GreyPair {
+  double now = 0, past = 0;
+};
+
+// past = gain * now + offset: orthogonal regression (Deming 1943), closed form in the 2x2
+// covariance, because both sides are equally noisy and a plain regression would shrink the gain a
+// little with each image; reweighted by Cauchy's function. Nothing for fewer than three pairs, or
+// when they do not vary.
+[[nodiscard]] std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs,
+                                                        int iterations);
+
+// A patch in one image.
+struct TrackGrey {
+  std::uint64_t patch_id = 0;
+  double grey = 0;    // its mean, grey levels of the image
+  double spread = 0;  // standard deviation of its pixels, likewise
+  double field = 0;   // the additive field there, calibrated grey levels
+};
+
+class TemporalGain {
+ public:
+  explicit TemporalGain(const TemporalConfig& config) : config_(config) {}
+
+  // The map of an image from its tracks; that of the image before when they do not tell.
+  [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks) const;
+
+  // Estimates and remembers; images in time order. Errors of the chain would add up without end:
+  // the map is pulled towards `anchor`.
+  GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const GainOffset& anchor);
+
+  // Forgets the window; what follows is in the units of `first`.
+  void restart(const GainOffset& first);
+
+  [[nodiscard]] const GainOffset& latest() const { return latest_; }
+
+ private:
+  struct PastImage {
+    GainOffset map;
+    std::vector<TrackGrey> tracks;  // by id
+  };
+  [[nodiscard]] std::optional<GainOffset> against(const PastImage& past,
+                                                  const std::vector<TrackGrey>& tracks) const;
+  [[nodiscard]] GainOffset relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
+                                   double elapsed_s) const;
+
+  TemporalConfig config_;
+  std::deque<PastImage> images_;  // newest first
+  GainOffset latest_;
+  TimeNs last_ns_ = 0;
+};
+
+}  // namespace covey

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Calibrated grey levels to the 8 bits that the tracker looks at. The curve rises everywhere: no
+// two levels are folded into each other; and it changes slowly, so that a patch looks the same in
+// the next image.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace covey {
+
+enum class Contrast { kLinear, kEqualised };
+
+struct ToneConfig {
+  Contrast contrast = Contrast::kEqualised;
+  double ignored_share = 0.002;  // of the pixels, darkest and brightest, need not be told apart
+  double max_slope = 3;          // of an equalised curve, times that of the linear one
+  double adapt_s = 1.5;          // s, time constant with which the curve follows the images
+};
+
+class ToneCurve {
+ public:
+  static constexpr int kLevels = 4096;  // calibrated levels it distinguishes
+
+  explicit ToneCurve(const ToneConfig& config) : config_(config) { reset(); }
+
+  // `sample`: calibrated levels 0..kLevels-1 of pixels from all over the image.
+  void adapt(const std::vector<int>& sample, double elapsed_s);
+  void reset();
+
+  [[nodiscard]] const std::array<std::uint8_t, kLevels>& table() const { return table_; }
+
+ private:
+  static constexpr int kBins = 512;
+  void rebuild();
+
+  ToneConfig config_;
+  std::array<double, kBins> share_{};  // of the pixels in each bin, smoothed; sums to 1
+  bool empty_ = true;
+  std::array<std::uint8_t, kLevels> table_{};
+};
+
+}  // namespace covey

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the photometric calibration of a 640x512 image costs, whole and in parts.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "frontend/photometric_calibration.h"
+
+namespace covey {
+namespace {
+
+const cv::Size kImage(640, 512);
+constexpr int kTracks = 200;
+
+cv::Mat scene(int type, int shift) {
+  cv::Mat coarse(64, 80, CV_32FC1), image;
+  cv::theRNG().state = 1;
+  cv::randn(coarse, 0, 1);
+  cv::resize(coarse, image, {kImage.width + 64, kImage.height}, 0, 0, cv::INTER_CUBIC);
+  image = image.colRange(shift, shift + kImage.width);
+  image.convertTo(image, type, type == CV_8UC1 ? 4 : 60, type == CV_8UC1 ? 128 : 29500);
+  return image;
+}
+
+std::vector<TrackPlace> tracks(int shift) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> share(0.1, 0.9);
+  std::vector<TrackPlace> places;
+  for (std::uint64_t id = 1; id <= kTracks; ++id) {
+    PatchPlace place;
+    place.pixel = {kImage.width * share(random) - shift, kImage.height * share(random)};
+    places.push_back({id, place});
+  }
+  return places;
+}
+
+void whole_image(benchmark::State& state, int type) {
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  std::vector<cv::Mat> images;
+  for (int shift = 0; shift < 60; shift += 2) images.push_back(scene(type, shift));
+  TimeNs stamp_ns = nanoseconds(1);
+  std::size_t k = 0;
+  for (auto _ : state) {
+    const int shift = 2 * static_cast<int>(k);
+    const auto places = tracks(shift);
+    benchmark::DoNotOptimize(calibration.correct(stamp_ns, images[k], places).pixels.data);
+    calibration.observe(places);
+    stamp_ns += nanoseconds(1.0 / 30);
+    k = (k + 1) % images.size();
+  }
+}
+
+void EightBitImage(benchmark::State& state) { whole_image(state, CV_8UC1); }
+void SixteenBitImage(benchmark::State& state) { whole_image(state, CV_16UC1); }
+BENCHMARK(EightBitImage)->Unit(benchmark::kMillisecond);
+BENCHMARK(SixteenBitImage)->Unit(benchmark::kMillisecond);
+
+void GainFit(benchmark::State& state) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> gaussian;
+  TemporalGain gain{TemporalConfig{}};
+  std::vector<TrackGrey> greys;
+  for (std::uint64_t id = 1; id <= kTracks; ++id)
+    greys.push_back({id, 128 + 4 * gaussian(random), 3 + std::abs(gaussian(random)), 0});
+  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, {});
+  for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys));
+}
+BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
+
+std::vector<FieldDifference> differences() {
+  std::vector<FieldDifference> differences;
+  for (const TrackPlace& track : tracks(0)) {
+    const Eigen::Vector2d& p = track.place.pixel;
+    const double radiance = std::sin(7 * p.x());
+    differences.push_back(
+        {p, p + Eigen::Vector2d(33, 10), radiance, radiance + 0.1 * std::sin(p.y())});
+  }
+  return differences;
+}
+void fill(SpatialField& field) { field.add(differences()); }
+
+void FieldDifferences(benchmark::State& state) {
+  SpatialField field(SpatialConfig{}, kImage);
+  const auto seen = differences();
+  for (auto _ : state) field.add(seen);
+}
+void FieldSolution(benchmark::State& state) {
+  SpatialField field(SpatialConfig{}, kImage);
+  fill(field);
+  for (auto _ : state) field.solve();
+}
+void FieldImage(benchmark::State& state) {
+  SpatialField field(SpatialConfig{}, kImage);
+  fill(field);
+  field.solve();
+  for (auto _ : state) benchmark::DoNotOptimize(field.image(128).data);
+}
+BENCHMARK(FieldDifferences)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldSolution)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldImage)->Unit(benchmark::kMillisecond);
+
+// Without tracks there is nothing to fit: detection of the shutter, tables, contrast and the pass
+// over the pixels are left.
+void ApplyAlone(benchmark::State& state) {
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  const cv::Mat images[2] = {scene(CV_8UC1, 0), scene(CV_8UC1, 8)};
+  TimeNs stamp_ns = nanoseconds(1);
+  int k = 0;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(calibration.correct(stamp_ns, images[k], {}).pixels.data);
+    stamp_ns += nanoseconds(1.0 / 30);
+    k = 1 - k;
+  }
+}
+BENCHMARK(ApplyAlone)->Unit(benchmark::kMillisecond);
+
+// The rival: contrast-limited adaptive equalisation of every image for itself.
+void Clahe(benchmark::State& state) {
+  const auto clahe = cv::createCLAHE(10, {8, 8});
+  const cv::Mat image = scene(CV_8UC1, 0);
+  cv::Mat equalised;
+  for (auto _ : state) clahe->apply(image, equalised);
+}
+BENCHMARK(Clahe)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace covey

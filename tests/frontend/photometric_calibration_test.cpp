@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/photometric_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "tests/frontend/synthetic_thermal.h"
+
+namespace covey {
+namespace {
+
+const cv::Size kImage(SyntheticThermal::kWidth, SyntheticThermal::kHeight);
+
+// A scene whose contrast changes as the camera moves on must not pull the gain in these few
+// seconds.
+PhotometricConfig free_gain() {
+  PhotometricConfig config;
+  config.gain.relaxation_s = 600;
+  return config;
+}
+
+struct Flight {
+  double worst_gain_error = 0;  // relative, after the first two seconds and against their end
+  double final_scale = 1;       // estimated over true gain
+  CalibratedImage last;
+};
+
+// Gain and offset of the camera swing all the while. The field is not known at first and disturbs
+// the gain: what scale the chain has when it is known is a matter of units.
+Flight fly(SyntheticThermal& camera, PhotometricCalibration& calibration, int images,
+           bool wide = false) {
+  constexpr int kSettled = 60;
+  Flight flight;
+  double unit = 0;
+  for (int k = 0; k < images; ++k) {
+    camera.gain = std::exp(0.15 * std::sin(k / 10.0));
+    camera.offset = 12 * std::sin(k / 25.0);
+    flight.last = calibration.correct(camera.stamp_ns(), camera.expose(wide), camera.tracks());
+    calibration.observe(camera.tracks());
+    flight.final_scale = flight.last.map.gain / camera.gain;
+    if (k == kSettled) unit = flight.final_scale;
+    const double error = std::abs(flight.final_scale / unit - 1);
+    if (k > kSettled) flight.worst_gain_error = std::max(flight.worst_gain_error, error);
+    camera.advance();
+  }
+  return flight;
+}
+
+// `unit`: what one grey level of the camera is in the calibration's units.
+double field_error(const SyntheticThermal& camera, const PhotometricCalibration& calibration,
+                   double unit) {
+  cv::Mat found = calibration.field() / unit;
+  found -= cv::mean(found)[0];
+  return cv::norm(found, camera.field()) / cv::norm(camera.field());
+}
+
+TEST(PhotometricCalibration, FindsGainWithinTwoAndFieldWithinTwentyPerCent) {
+  for (const unsigned seed : {1u, 2u}) {
+    SyntheticThermal camera(seed);
+    PhotometricCalibration calibration(free_gain(), kImage);
+    const Flight flight = fly(camera, calibration, 300);
+    EXPECT_LT(flight.worst_gain_error, 0.02) << seed;
+    EXPECT_LT(field_error(camera, calibration, flight.final_scale), 0.20) << seed;
+  }
+}
+
+TEST(PhotometricCalibration, SixteenBitsGoTheSameWay) {
+  SyntheticThermal camera(3);
+  PhotometricCalibration calibration(free_gain(), kImage);
+  const Flight flight = fly(camera, calibration, 300, true);
+  EXPECT_LT(flight.worst_gain_error, 0.03);
+  EXPECT_LT(field_error(camera, calibration, 100 * flight.final_scale), 0.20);
+  EXPECT_EQ(flight.last.pixels.type(), CV_8UC1);
+}
+
+struct View {
+  cv::Mat image;
+  std::vector<TrackPlace> tracks;
+};
+
+// Median difference of the patches' means, of the first image's standard deviation.
+double residual(const View& before, const View& now) {
+  const auto patch_mean = [](const View& view, const TrackPlace& track) {
+    cv::Mat patch;
+    cv::getRectSubPix(
+        view.image, {7, 7},
+        {static_cast<float>(track.place.pixel.x()), static_cast<float>(track.place.pixel.y())},
+        patch, CV_32F);
+    return cv::mean(patch)[0];
+  };
+  std::map<std::uint64_t, double> means;
+  for (const TrackPlace& track : before.tracks) means[track.patch_id] = patch_mean(before, track);
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(before.image, mean, deviation);
+  std::vector<double> differences;
+  for (const TrackPlace& track : now.tracks) {
+    const auto found = means.find(track.patch_id);
+    if (found == means.end()) continue;
+    differences.push_back(std::abs(patch_mean(now, track) - found->second) / deviation[0]);
+  }
+  const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+  std::nth_element(differences.begin(), middle, differences.end());
+  return *middle;
+}
+
+// A patch that was followed looks the same in every calibrated image.
+TEST(PhotometricCalibration, MatchedPatchesDifferAThirdAsMuchAsInRawImages) {
+  SyntheticThermal camera(4);
+  PhotometricConfig config;
+  config.tone.contrast = Contrast::kLinear;
+  PhotometricCalibration calibration(config, kImage);
+  fly(camera, calibration, 200);
+  const auto look = [&](double gain) {
+    camera.gain = gain;
+    const View raw{camera.expose().clone(), camera.tracks()};
+    const View calibrated{calibration.correct(camera.stamp_ns(), raw.image, raw.tracks).pixels,
+                          raw.tracks};
+    calibration.observe(raw.tracks);
+    return std::pair(raw, calibrated);
+  };
+  const auto [raw_before, before] = look(0.9);
+  for (int k = 0; k < 10; ++k) {
+    camera.advance();
+    look(0.9 + 0.02 * k);
+  }
+  camera.advance();
+  const auto [raw_now, now] = look(1.1);
+  EXPECT_LT(3 * residual(before, now), residual(raw_before, raw_now));
+}
+
+TEST(PhotometricCalibration, ReplacesHotPixelsAndNoOthers) {
+  SyntheticThermal camera(5);
+  camera.hot_pixels = {{40, 50}, {200, 100}, {201, 100}};
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  const Flight flight = fly(camera, calibration, 200);
+  EXPECT_EQ(calibration.bad_pixels().size(), camera.hot_pixels.size());
+  for (const cv::Point& p : camera.hot_pixels) {
+    cv::Mat around = flight.last.pixels(cv::Rect(p - cv::Point(2, 2), cv::Size(5, 5))).clone();
+    const int here = around.at<std::uint8_t>(2, 2);
+    around.at<std::uint8_t>(2, 2) = around.at<std::uint8_t>(0, 0);
+    double least = 0, most = 0;
+    cv::minMaxLoc(around, &least, &most);
+    EXPECT_GE(here, least) << p;
+    EXPECT_LE(here, most) << p;
+  }
+}
+
+TEST(PhotometricCalibration, ASaturatedHalfDoesNotSteerTheGain) {
+  SyntheticThermal camera(6);
+  camera.saturated_half = true;
+  PhotometricCalibration calibration(free_gain(), kImage);
+  EXPECT_LT(fly(camera, calibration, 150).worst_gain_error, 0.03);
+}
+
+TEST(PhotometricCalibration, AUniformImageShowsNothingAndTheNextStartsAnew) {
+  SyntheticThermal camera(7);
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  fly(camera, calibration, 30);
+  for (const int grey : {0, 117, 255}) {
+    const CalibratedImage blind =
+        calibration.correct(camera.stamp_ns(), cv::Mat(kImage, CV_8UC1, cv::Scalar(grey)), {});
+    EXPECT_EQ(blind.content, ImageContent::kUniform);
+    EXPECT_TRUE(blind.pixels.empty());
+    calibration.observe({});
+    camera.advance();
+  }
+  const CalibratedImage seen =
+      calibration.correct(camera.stamp_ns(), camera.expose(), camera.tracks());
+  EXPECT_EQ(seen.content, ImageContent::kScene);
+  EXPECT_TRUE(seen.restarted);
+  EXPECT_DOUBLE_EQ(seen.map.gain, 1);
+}
+
+TEST(PhotometricCalibration, ARepeatedImageIsNotTracked) {
+  SyntheticThermal camera(8);
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  fly(camera, calibration, 30);
+  const cv::Mat repeated = camera.last_image().clone();
+  for (int k = 0; k < 9; ++k) {
+    EXPECT_EQ(calibration.correct(camera.stamp_ns(), repeated, camera.tracks()).content,
+              ImageContent::kRepeated);
+    camera.advance();
+  }
+  const CalibratedImage seen =
+      calibration.correct(camera.stamp_ns(), camera.expose(), camera.tracks());
+  EXPECT_TRUE(seen.restarted);
+  EXPECT_FALSE(seen.pixels.empty());
+}
+
+TEST(PhotometricCalibration, AHoveringCamerasNoiseIsNotARepeatedImage) {
+  SyntheticThermal camera(9);
+  camera.noise = 0.25;  // grey levels, as after a stretch over 40 K
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  for (int k = 0; k < 5; ++k) {
+    EXPECT_EQ(calibration.correct(camera.stamp_ns(), camera.expose(), camera.tracks()).content,
+              ImageContent::kScene);
+  }
+}
+
+}  // namespace
+}  // namespace covey

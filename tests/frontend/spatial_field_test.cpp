@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/spatial_field.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <random>
+
+namespace covey {
+namespace {
+
+const cv::Size kImage(640, 512);
+
+// As large as half the image's standard deviation; smooth, as a lens that warms up leaves it.
+double truth(const Eigen::Vector2d& p) {
+  return 0.6 * std::sin(p.x() / 110) * std::cos(p.y() / 140) + 0.35 * std::cos(p.x() / 170 + 1);
+}
+
+template <typename Function>
+cv::Mat sampled(const Function& function) {
+  cv::Mat values(kImage.height / 8, kImage.width / 8, CV_64FC1);
+  for (int y = 0; y < values.rows; ++y) {
+    for (int x = 0; x < values.cols; ++x) values.at<double>(y, x) = function({8.0 * x, 8.0 * y});
+  }
+  return values - cv::mean(values)[0];
+}
+
+// RMS over RMS of the truth; the mean cannot be seen and does not count.
+double relative_error(const SpatialField& field) {
+  const cv::Mat wanted = sampled(truth);
+  const cv::Mat found = sampled([&](const Eigen::Vector2d& p) { return field.at(p); });
+  return cv::norm(wanted, found) / cv::norm(wanted);
+}
+
+// Pairs of images, each with 100 patches seen in both; the camera turns and shifts between them,
+// and its gain and offset change.
+void fly_over(SpatialField& field, std::mt19937& random, int pairs, double outlier_share) {
+  std::uniform_real_distribution<double> share(0, 1);
+  std::normal_distribution<double> gaussian;
+  for (int k = 0; k < pairs; ++k) {
+    const Eigen::Vector2d shift(40 * gaussian(random), 40 * gaussian(random));
+    const Eigen::Rotation2Dd turn(0.2 * gaussian(random));
+    const double gain = 1 + 0.05 * gaussian(random), offset = gaussian(random);
+    std::vector<FieldDifference> differences;
+    for (int i = 0; i < 100; ++i) {
+      FieldDifference d;
+      d.from = {640 * share(random), 512 * share(random)};
+      d.to = Eigen::Vector2d(320, 256) + turn * (d.from - Eigen::Vector2d(320, 256)) + shift;
+      if (d.to.minCoeff() < 0 || d.to.x() > 639 || d.to.y() > 511) continue;
+      const double radiance = gaussian(random);
+      d.from_level = radiance + truth(d.from) + 0.05 * gaussian(random);
+      d.to_level = gain * (radiance + truth(d.to) + 0.05 * gaussian(random)) + offset;
+      if (share(random) < outlier_share) d.to_level += 2 * gaussian(random);
+      differences.push_back(d);
+    }
+    field.add(differences);
+  }
+  field.solve();
+}
+
+TEST(SpatialField, IsFoundWithinATenthFromTwentyPairsOfImages) {
+  SpatialField field(SpatialConfig{}, kImage);
+  std::mt19937 random(1);
+  fly_over(field, random, 20, 0);
+  EXPECT_LT(relative_error(field), 0.10);
+}
+
+TEST(SpatialField, BearsATenthOfTheTracksSliding) {
+  SpatialField field(SpatialConfig{}, kImage);
+  std::mt19937 random(2);
+  fly_over(field, random, 40, 0.1);
+  EXPECT_LT(relative_error(field), 0.20);
+}
+
+TEST(SpatialField, StaysFlatWithoutObservations) {
+  SpatialField field(SpatialConfig{}, kImage);
+  field.solve();
+  EXPECT_EQ(field.at({320, 256}), 0);
+  EXPECT_EQ(cv::countNonZero(field.image(128)), 0);
+}
+
+TEST(SpatialField, OldObservationsGiveWayToNewOnes) {
+  SpatialField field(SpatialConfig{}, kImage);
+  std::mt19937 random(3);
+  fly_over(field, random, 20, 0);
+  field.age(100);
+  std::uniform_real_distribution<double> share(0, 1);
+  std::vector<FieldDifference> flat;
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector2d from(600 * share(random), 480 * share(random));
+    const double radiance = share(random);
+    flat.push_back({from, from + Eigen::Vector2d(40 * share(random), 25), radiance, radiance});
+  }
+  field.add(flat);
+  field.solve();
+  EXPECT_LT(std::abs(field.at({100, 100}) - field.at({500, 400})), 0.02);
+}
+
+TEST(SpatialField, ImageIsTheFieldBetweenTheNodes) {
+  SpatialField field(SpatialConfig{}, kImage);
+  std::mt19937 random(4);
+  fly_over(field, random, 20, 0);
+  const cv::Mat image = field.image(1000);
+  ASSERT_EQ(image.size(), kImage);
+  for (const cv::Point p : {cv::Point(0, 0), {639, 511}, {333, 77}, {64, 96}}) {
+    EXPECT_NEAR(image.at<std::int16_t>(p), 1000 * field.at({p.x * 1.0, p.y * 1.0}), 1.0) << p;
+  }
+}
+
+}  // namespace
+}  // namespace covey

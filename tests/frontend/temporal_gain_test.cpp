@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/temporal_gain.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace covey {
+namespace {
+
+std::vector<GreyPair> pairs(std::mt19937& random, const GainOffset& truth, double noise,
+                            int outliers) {
+  std::normal_distribution<double> gaussian;
+  std::vector<GreyPair> pairs;
+  for (int i = 0; i < 200; ++i) {
+    const double now = 128 + 40 * gaussian(random);
+    GreyPair pair{now + noise * gaussian(random),
+                  truth(now) + noise * truth.gain * gaussian(random)};
+    if (i < outliers) pair.past += 90;
+    pairs.push_back(pair);
+  }
+  return pairs;
+}
+
+TEST(GainOffsetFit, FindsGainAndOffsetWithAQuarterOutliers) {
+  std::mt19937 random(1);
+  const GainOffset truth{1.3, -20};
+  const auto map = fit_gain_offset(pairs(random, truth, 0.5, 50), 20);
+  ASSERT_TRUE(map);
+  EXPECT_NEAR(map->gain, truth.gain, 0.005);
+  EXPECT_NEAR((*map)(128), truth(128), 0.3);
+}
+
+// Ordinary regression would shrink the gain by 4 % in each image.
+TEST(GainOffsetFit, NoiseInBothImagesDoesNotShrinkTheGain) {
+  std::mt19937 random(2);
+  double mean_log_gain = 0;
+  constexpr int kTrials = 100;
+  for (int i = 0; i < kTrials; ++i) {
+    const auto map = fit_gain_offset(pairs(random, {0.8, 5}, 8, 0), 8);
+    ASSERT_TRUE(map);
+    mean_log_gain += std::log(map->gain / 0.8) / kTrials;
+  }
+  EXPECT_NEAR(mean_log_gain, 0, 0.006);
+}
+
+TEST(GainOffsetFit, SaysNothingWithoutContrastOrWithTooFewPairs) {
+  EXPECT_FALSE(fit_gain_offset({{1, 2}, {3, 4}}, 8));
+  EXPECT_FALSE(fit_gain_offset(std::vector<GreyPair>(50, {7, 9}), 8));
+}
+
+struct Scene {
+  explicit Scene(unsigned seed) : random(seed) {}
+
+  void add_track() {
+    radiance.push_back(128 + 40 * gaussian(random));
+    contrast.push_back(10 + 4 * std::abs(gaussian(random)));
+    ids.push_back(next_id++);
+  }
+  // Each image loses the oldest two of a hundred tracks.
+  std::vector<TrackGrey> see(const GainOffset& to_first) {
+    radiance.erase(radiance.begin(), radiance.begin() + 2);
+    contrast.erase(contrast.begin(), contrast.begin() + 2);
+    ids.erase(ids.begin(), ids.begin() + 2);
+    add_track();
+    add_track();
+    std::vector<TrackGrey> seen;
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      const double grey = (radiance[i] - to_first.offset) / to_first.gain;
+      const double spread = contrast[i] / to_first.gain;
+      seen.push_back({ids[i], grey + 0.5 * gaussian(random), spread + 0.3 * gaussian(random), 0});
+    }
+    return seen;
+  }
+
+  std::mt19937 random;
+  std::normal_distribution<double> gaussian;
+  std::vector<double> radiance, contrast;  // grey levels of the first image
+  std::vector<std::uint64_t> ids;
+  std::uint64_t next_id = 1;
+};
+
+TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
+  Scene scene(3);
+  for (int i = 0; i < 100; ++i) scene.add_track();
+  TemporalConfig config;
+  config.relaxation_s = 600;
+  TemporalGain gain(config);
+  double worst_first_minute = 0, worst = 0;
+  constexpr int kImages = 30 * 180;
+  for (int k = 0; k < kImages; ++k) {
+    const double t = k / 30.0;
+    const GainOffset truth{
+        std::exp(0.25 * std::sin(0.9 * t) + 0.02 * scene.gaussian(scene.random) * (k > 0 ? 1 : 0)),
+        10 * std::sin(0.4 * t)};
+    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), {});
+    const double error = std::abs(std::log(found.gain / truth.gain));
+    worst = std::max(worst, error);
+    if (t < 60) worst_first_minute = std::max(worst_first_minute, error);
+  }
+  EXPECT_LT(worst_first_minute, 0.02);
+  EXPECT_LT(worst, 0.03);
+}
+
+TEST(TemporalGain, KeepsTheLastMapWhenTooFewTracksAreShared) {
+  TemporalGain gain{TemporalConfig{}};
+  gain.restart({1.5, 3});
+  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, {1.5, 3}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.estimate({{1, 10, 3, 0}, {2, 20, 4, 0}}).gain, 1.5);
+}
+
+TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
+  TemporalConfig config;
+  config.relaxation_s = 60;
+  TemporalGain gain(config);
+  gain.restart({1.5, 0});
+  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, 100, 10, 0}}, {});
+  EXPECT_NEAR(std::log(gain.latest().gain), std::log(1.5) * std::exp(-59.0 / 60), 1e-9);
+}
+
+}  // namespace
+}  // namespace covey
