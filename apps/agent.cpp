@@ -347,12 +347,41 @@ nlohmann::json Agent::exchange_details() const {
   return details;
 }
 
+namespace {
+
+nlohmann::json level_frame_json(const Eigen::Isometry3d& frame) {
+  const Eigen::Vector3d& p = frame.translation();
+  const double yaw = std::atan2(frame.linear()(1, 0), frame.linear()(0, 0));
+  return {{"position_m", {p.x(), p.y(), p.z()}}, {"yaw_deg", yaw * 180 / M_PI}};
+}
+
+// In the own world, those that have been found.
+nlohmann::json peer_worlds(const DriftFilter& team) {
+  nlohmann::json json = nlohmann::json::object();
+  for (const std::string& peer : team.peers()) {
+    const auto alignment = team.alignment(peer);
+    if (!alignment) continue;
+    nlohmann::json& entry = json[peer] = level_frame_json(alignment->T_own_peer);
+    const Eigen::Vector3d& at = alignment->p_peer;
+    entry["at_m"] = {at.x(), at.y(), at.z()};
+    entry["position_sigma_m"] = alignment->position_sigma;
+    entry["yaw_sigma_deg"] = alignment->yaw_sigma * 180 / M_PI;
+  }
+  return json;
+}
+
+}  // namespace
+
 void Agent::finish() {
   odometry_file_.close();
   timing_file_.close();
   link_file_.close();
   nlohmann::json json = to_json(summary());
   if (link_) json["exchange_details"] = exchange_details();
+  json["own_world"] = level_frame_json(pipeline_.own_world());
+  if (pipeline_.team_knowledge() != nullptr) {
+    json["peer_worlds"] = peer_worlds(*pipeline_.team_knowledge());
+  }
   json["filter"] = {{"msckf_used", filter_.msckf_used},
                     {"msckf_gated", filter_.msckf_gated},
                     {"slam_used", filter_.slam_used},

@@ -54,6 +54,8 @@ struct InitialisationConfig {
   // Static starts without ground truth.
   Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();  // m
   double yaw = 0;                                         // rad
+  // Start at the origin of a world of the own, with yaw 0, wherever that is for the others.
+  bool own_world = false;
 };
 
 enum class FusionMode {

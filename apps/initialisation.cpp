@@ -57,4 +57,21 @@ std::variant<InitialState, NotStill> Initialisation::from_standing_still(
   return result;
 }
 
+Eigen::Isometry3d level_frame_at(const Pose& pose) {
+  Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
+  frame.linear() =
+      Eigen::AngleAxisd(yaw_of(pose.q_world_imu), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  frame.translation() = pose.p_world_imu;
+  return frame;
+}
+
+InitialState seen_from(const Eigen::Isometry3d& T_world_own, InitialState start) {
+  const Eigen::Isometry3d T_own_world = T_world_own.inverse();
+  const Eigen::Quaterniond q_own_world(T_own_world.linear());
+  start.pose.p_world_imu = T_own_world * start.pose.p_world_imu;
+  start.pose.q_world_imu = (q_own_world * start.pose.q_world_imu).normalized();
+  start.v_world_imu = q_own_world * start.v_world_imu;
+  return start;
+}
+
 }  // namespace covey

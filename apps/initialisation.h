@@ -3,6 +3,7 @@
 // Where a drone starts: from its ground truth, or from standing still.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <optional>
 #include <string>
 #include <variant>
@@ -36,5 +37,11 @@ class Initialisation {
   StaticInitConfig static_;
   std::optional<GroundTruth> truth_;
 };
+
+// At the pose's position, turned by its yaw, level.
+[[nodiscard]] Eigen::Isometry3d level_frame_at(const Pose& pose);
+
+// The same start in the world whose place in the present one is `T_world_own`, a level frame.
+[[nodiscard]] InitialState seen_from(const Eigen::Isometry3d& T_world_own, InitialState start);
 
 }  // namespace covey

@@ -182,7 +182,8 @@ void Pipeline::start_if_possible(TimeNs stamp_ns) {
   }
   const auto start = initialisation_.start_at(moment_ns, until_image);
   if (const auto* state = std::get_if<InitialState>(&start)) {
-    estimator_.initialize(*state);
+    if (config_.initialisation.own_world) own_world_ = level_frame_at(state->pose);
+    estimator_.initialize(seen_from(own_world_, *state));
     start_ns_ = stamp_ns;
   }
 }

@@ -72,6 +72,8 @@ class Pipeline {
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.
   [[nodiscard]] const PeerReport& peer_landmarks() const { return peer_landmarks_; }
+  // The own world in the one of the ground truth, as it was at the start.
+  [[nodiscard]] const Eigen::Isometry3d& own_world() const { return own_world_; }
   [[nodiscard]] const DriftFilter* team_knowledge() const { return drift_ ? &*drift_ : nullptr; }
 
  private:
@@ -100,6 +102,7 @@ class Pipeline {
   std::map<std::uint64_t, FilterSnapshot> filters_;  // at the keyframes, in the paper's exchange
   std::vector<ImuSample> recent_imu_;
   std::optional<TimeNs> previous_image_ns_, start_ns_;
+  Eigen::Isometry3d own_world_ = Eigen::Isometry3d::Identity();
   TimingRecord peer_work_;  // since the last image
   PeerReport peer_landmarks_;
   AgentStatus status_;

@@ -97,6 +97,12 @@ class Object {
     return *found;
   }
 
+  [[nodiscard]] std::vector<std::string> keys() const {
+    std::vector<std::string> keys;
+    for (const auto& item : json_.items()) keys.push_back(item.key());
+    return keys;
+  }
+
   [[nodiscard]] bool has(const std::string& key) const { return json_.contains(key); }
   [[nodiscard]] bool is_null(const std::string& key) const { return at(key).is_null(); }
 
@@ -127,6 +133,16 @@ class Object {
   const Json& json_;
   std::string where_;
 };
+
+std::map<std::string, AlignmentSummary> alignments_from(const Object& peers) {
+  std::map<std::string, AlignmentSummary> alignments;
+  for (const std::string& peer : peers.keys()) {
+    const Object json = peers.child(peer);
+    alignments[peer] = {json.get<double>("position_error_m"), json.get<double>("yaw_error_deg"),
+                        json.get<double>("position_sigma_m"), json.get<double>("yaw_sigma_deg")};
+  }
+  return alignments;
+}
 
 AteSummary ate_from(const Object& json, bool with_scale) {
   AteSummary ate;
@@ -194,6 +210,7 @@ AgentSummary agent_from(const Object& json) {
   agent.mean_tracks_per_frame = tracks.optional<double>("mean_per_frame");
   agent.mean_track_length = tracks.optional<double>("mean_length");
   agent.link = link_from(json);
+  if (json.has("alignments")) agent.alignments = alignments_from(json.child("alignments"));
   if (json.has("incomplete")) agent.incomplete = json.get<std::string>("incomplete");
   return agent;
 }
@@ -221,6 +238,15 @@ nlohmann::json to_json(const AgentSummary& agent) {
                 {{"mean_per_frame", or_null(agent.mean_tracks_per_frame)},
                  {"mean_length", or_null(agent.mean_track_length)}}},
                {"link", agent.link ? to_json(*agent.link) : Json(nullptr)}};
+  if (agent.alignments) {
+    json["alignments"] = nlohmann::json::object();
+    for (const auto& [peer, alignment] : *agent.alignments) {
+      json["alignments"][peer] = {{"position_error_m", alignment.position_error_m},
+                                  {"yaw_error_deg", alignment.yaw_error_deg},
+                                  {"position_sigma_m", alignment.position_sigma_m},
+                                  {"yaw_sigma_deg", alignment.yaw_sigma_deg}};
+    }
+  }
   if (agent.incomplete) json["incomplete"] = *agent.incomplete;
   return json;
 }

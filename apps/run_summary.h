@@ -49,6 +49,12 @@ struct LinkSummary {
   std::optional<std::int64_t> wire_bytes_sent, wire_bytes_received;
 };
 
+// A peer's world in the own one, against the truth.
+struct AlignmentSummary {
+  double position_error_m = 0, yaw_error_deg = 0;
+  double position_sigma_m = 0, yaw_sigma_deg = 0;  // as the drone itself says
+};
+
 struct AgentSummary {
   std::int64_t frames = 0, frames_dropped = 0;
   std::optional<double> initialised_after_s;
@@ -58,6 +64,8 @@ struct AgentSummary {
   StageSummary stage_ms;
   std::optional<double> mean_tracks_per_frame, mean_track_length;
   std::optional<LinkSummary> link;  // empty when flown alone
+  // By peer, when drones started in worlds of their own; the key exists only then.
+  std::optional<std::map<std::string, AlignmentSummary>> alignments;
   // Why the flight ended before the recording did; the key exists only then.
   std::optional<std::string> incomplete;
 };

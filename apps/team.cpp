@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <fstream>
 #include <memory>
 #include <optional>
@@ -333,6 +334,12 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
   }
   config.agent.real_time_factor = options.real_time_factor;
   config.initialisation.method = options.init;
+  if (options.unknown_start) {
+    config.initialisation.own_world = true;
+    config.fusion.drift.common_start = false;
+    config.collaboration.verification.max_offset = 1e6;
+    config.collaboration.verification.max_yaw = M_PI;
+  }
   config.link.team = "team" + std::to_string(getpid());
   config.link.domain = domain;
   config.link.loopback_only = true;

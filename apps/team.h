@@ -21,6 +21,7 @@ struct TeamOptions {
   FlightMode mode = FlightMode::kCollaborative;
   ExchangeMode exchange = ExchangeMode::kCompact;
   InitMethod init = InitMethod::kGroundTruth;
+  bool unknown_start = false;  // each drone in a world of its own; peers' worlds are aligned
   Pace pace = Pace::kLockstep;
   double real_time_factor = 1;  // for Pace::kRate
   // Merged over the defaults for each drone; what is said above wins.

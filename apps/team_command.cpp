@@ -30,7 +30,7 @@ struct Options {
   std::string dataset, out, config_file, thermal;
   std::string mode = "collaborative", exchange = "compact", init = "auto", pace = "lockstep";
   std::vector<std::string> agents;
-  bool force = false, with_solo = false;
+  bool force = false, with_solo = false, unknown_start = false;
 };
 
 std::string joined(const std::vector<std::string>& words) {
@@ -147,6 +147,11 @@ TeamOptions team_options(const Options& options) {
   if (!options.config_file.empty()) {
     team.config = parse_config_file(options.config_file);
     team.config_name = options.config_file;
+  }
+  team.unknown_start = options.unknown_start;
+  if (team.unknown_start && team.config.value("/fusion/mode"_json_pointer, "joint") != "joint") {
+    throw std::runtime_error(
+        "--unknown-start needs fusion.mode joint: the other fuses drones that share one world");
   }
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
@@ -286,6 +291,9 @@ void add_team_command(CLI::App& covey) {
                    "Images as they are, or photometrically calibrated (default: thermal cameras' "
                    "images are)")
       ->check(CLI::IsMember({"raw", "calibrated"}));
+  command->add_flag("--unknown-start", options->unknown_start,
+                    "Every drone starts in a world of its own and finds the others' by what both "
+                    "have seen");
   command->add_option("--agents", options->agents, "Only these drones, e.g. uav0,uav2")
       ->delimiter(',');
   command

@@ -4,8 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <stdexcept>
@@ -57,9 +60,40 @@ Trajectory estimate_in(const fs::path& folder) {
   return {};
 }
 
+struct LevelFrame {
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();
+  double yaw_deg = 0;
+
+  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& x) const {
+    return p + Eigen::AngleAxisd(yaw_deg * M_PI / 180, Eigen::Vector3d::UnitZ()) * x;
+  }
+};
+
+Eigen::Vector3d vector_from(const nlohmann::json& json) {
+  return {json.at(0).get<double>(), json.at(1).get<double>(), json.at(2).get<double>()};
+}
+
+LevelFrame frame_from(const nlohmann::json& json) {
+  return {vector_from(json.at("position_m")), json.at("yaw_deg").get<double>()};
+}
+
+// The truth as the drone's own world has it, which lies at its start if it knows no other.
+Trajectory in_own_world(Trajectory truth, const fs::path& agent_summary) {
+  if (!fs::exists(agent_summary)) return truth;
+  const LevelFrame own = frame_from(read_json_file(agent_summary).at("own_world"));
+  const Eigen::Quaterniond turn(
+      Eigen::AngleAxisd(-own.yaw_deg * M_PI / 180, Eigen::Vector3d::UnitZ()));
+  for (StampedPose& known : truth) {
+    known.pose.p_world_imu = turn * (known.pose.p_world_imu - own.p);
+    known.pose.q_world_imu = turn * known.pose.q_world_imu;
+  }
+  return truth;
+}
+
 void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& summary) {
   const Trajectory estimate = estimate_in(folder);
-  const std::optional<Trajectory> truth = ground_truth_of(drone);
+  std::optional<Trajectory> truth = ground_truth_of(drone);
+  if (truth) truth = in_own_world(*std::move(truth), folder / kAgentSummaryFile);
   if (truth) write_tum(folder / kGroundTruthFile, *truth);
   if (estimate.empty()) {
     spdlog::warn("{} left no trajectory: it had not started yet", drone.name);
@@ -92,6 +126,30 @@ AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
   evaluate(drone, folder, summary);
   summary.incomplete = ended_early;
   return summary;
+}
+
+// Of the worlds that a drone has found: each against where the peer's really lies.
+std::map<std::string, AlignmentSummary> judge_alignments(const fs::path& run,
+                                                         const std::string& drone) {
+  const auto told_by = [&](const std::string& name) {
+    return read_json_file(run / name / kAgentSummaryFile);
+  };
+  std::map<std::string, AlignmentSummary> alignments;
+  const nlohmann::json told = told_by(drone);
+  const LevelFrame own = frame_from(told.at("own_world"));
+  for (const auto& item : told.at("peer_worlds").items()) {
+    const nlohmann::json& found = item.value();
+    const LevelFrame T_own_peer = frame_from(found);
+    const LevelFrame peer = frame_from(told_by(item.key()).at("own_world"));
+    const Eigen::Vector3d at = vector_from(found.at("at_m"));
+    AlignmentSummary& alignment = alignments[item.key()];
+    alignment.position_error_m = (own * (T_own_peer * at) - peer * at).norm();
+    alignment.yaw_error_deg =
+        std::abs(std::remainder(own.yaw_deg + T_own_peer.yaw_deg - peer.yaw_deg, 360.0));
+    alignment.position_sigma_m = found.at("position_sigma_m").get<double>();
+    alignment.yaw_sigma_deg = found.at("yaw_sigma_deg").get<double>();
+  }
+  return alignments;
 }
 
 template <typename Number>
@@ -148,6 +206,10 @@ RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight
     if (early != flight.ended_early.end()) why = early->second;
     run.agents[drone.name] = summarize_drone(drone, options.out / drone.name, why);
   }
+  if (options.unknown_start && options.mode == FlightMode::kCollaborative &&
+      flight.ended_early.empty()) {
+    for (auto& [name, agent] : run.agents) agent.alignments = judge_alignments(options.out, name);
+  }
   write_run_summary(options.out / "summary.json", run);
   return run;
 }
@@ -168,6 +230,14 @@ std::string team_table(const RunSummary& run, const RunSummary* alone) {
       if (found != alone->agents.end()) reference = &found->second;
     }
     table += table_line(name, agent, reference);
+  }
+  for (const auto& [name, agent] : run.agents) {
+    if (!agent.alignments) continue;
+    if (agent.alignments->empty()) table += name + " has found nobody's world\n";
+    for (const auto& [peer, alignment] : *agent.alignments) {
+      table += fmt::format("{} has found {}'s world to {:.3f} m and {:.2f} deg\n", name, peer,
+                           alignment.position_error_m, alignment.yaw_error_deg);
+    }
   }
   return table;
 }

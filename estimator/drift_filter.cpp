@@ -64,6 +64,11 @@ Step step_between(const Eigen::Vector3d& from, const Matrix6d& P_from, const Eig
   return step;
 }
 
+// A factorisation alone does not notice what is not a number.
+bool is_covariance(const Matrix6d& P) {
+  return P.allFinite() && Eigen::LLT<Matrix6d>(P).info() == Eigen::Success;
+}
+
 Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
   Matrix6d turn = Matrix6d::Zero();
   turn.topLeftCorner<3, 3>() = R;
@@ -224,9 +229,8 @@ void DriftFilter::forget(int index) {
 }
 
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
-  if (Eigen::LLT<Matrix6d>(measurement.covariance).info() != Eigen::Success ||
-      Eigen::LLT<Matrix6d>(measurement.other.covariance).info() != Eigen::Success ||
-      Eigen::LLT<Matrix6d>(measurement.other_before.covariance).info() != Eigen::Success) {
+  if (!is_covariance(measurement.covariance) || !is_covariance(measurement.other.covariance) ||
+      !is_covariance(measurement.other_before.covariance)) {
     return DriftOutcome::kInvalid;
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
@@ -353,8 +357,9 @@ std::optional<WorldAlignment> DriftFilter::alignment(const std::string& peer) co
   correction.linear() = exp_so3(error.tail<3>());
   correction.translation() = known.p + error.head<3>() - correction.linear() * known.p;
   const Matrix6d P = P_.block<kSize, kSize>(block(newest), block(newest));
+  const Eigen::Isometry3d& T_own_peer = drones_[known.drone].world.T_own_peer;
   return WorldAlignment{
-      correction * drones_[known.drone].world.T_own_peer,
+      correction * T_own_peer, T_own_peer.inverse() * known.p,
       std::sqrt(P.topLeftCorner<3, 3>().selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()),
       std::sqrt(P(5, 5))};
 }

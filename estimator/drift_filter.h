@@ -47,8 +47,9 @@ enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kRepeated, k
 // A peer's world in the own one, as its newest common keyframe has it.
 struct WorldAlignment {
   Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
-  double position_sigma = 0;  // m, largest, at that keyframe
-  double yaw_sigma = 0;       // rad
+  Eigen::Vector3d p_peer = Eigen::Vector3d::Zero();  // m, of that keyframe, in the peer's world
+  double position_sigma = 0;                         // m, largest, there
+  double yaw_sigma = 0;                              // rad
 };
 
 class DriftFilter {

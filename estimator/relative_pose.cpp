@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <vector>
 
 #include "estimator/so3.h"
@@ -13,7 +14,7 @@ namespace {
 using Matrix26d = Eigen::Matrix<double, 2, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-constexpr int kIterations = 10;
+constexpr int kIterations = 15;
 constexpr double kConverged = 1e-6;  // m and rad
 constexpr double kOutlier = 9.21;    // chi-square, 2 degrees of freedom, 99 %
 
@@ -63,15 +64,17 @@ struct Normal {
   int inliers = 0;
 };
 
-// Outliers keep a pull that no longer grows with their distance (Cauchy); inliers are counted.
-Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_own) {
+// Beyond `outlier` a match keeps a pull that no longer grows with its distance (Cauchy); inliers
+// are counted.
+Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_own,
+                  double outlier) {
   Normal normal;
   for (const LandmarkMatch& landmark : sightings.landmarks) {
     const Row row = linearize(T_other_own, landmark, sightings.sigma);
     if (!row.in_front) continue;
     const Eigen::Matrix2d W = row.covariance.inverse();
     const double distance = row.r.dot(W * row.r);
-    const double weight = 1 / (1 + distance / kOutlier);
+    const double weight = 1 / (1 + distance / outlier);
     normal.A += weight * row.J.transpose() * W * row.J;
     normal.b += weight * row.J.transpose() * W * row.r;
     normal.inliers += distance < kOutlier ? 1 : 0;
@@ -79,24 +82,33 @@ Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_o
   return normal;
 }
 
-}  // namespace
-
-std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
-  const Sightings sightings = best_of(match, min_inliers);
-  Eigen::Isometry3d T = match.T_other_own;
+// From afar all matches are heard; who disagrees is left out as the pose gets better.
+std::optional<Normal> solve(const Sightings& sightings, Eigen::Isometry3d& T) {
+  constexpr double kWidest = 1024, kNarrower = 0.25;
+  double widened = kWidest;
   Normal normal;
   for (int i = 0; i < kIterations; ++i) {
-    normal = accumulate(sightings, T);
-    if (normal.inliers < min_inliers) return std::nullopt;
+    widened = std::max(1.0, kNarrower * widened);
+    normal = accumulate(sightings, T, widened * kOutlier);
     const Vector6d step = normal.A.ldlt().solve(normal.b);
     if (!step.allFinite()) return std::nullopt;
     T.translation() += step.head<3>();
     T.linear() = exp_so3(step.tail<3>()) * T.linear();
-    if (step.cwiseAbs().maxCoeff() < kConverged) break;
+    if (widened == 1.0 && step.cwiseAbs().maxCoeff() < kConverged) break;
   }
-  const Eigen::LLT<Matrix6d> cholesky(normal.A);
+  return normal;
+}
+
+}  // namespace
+
+std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
+  Eigen::Isometry3d T = match.T_other_own;
+  const std::optional<Normal> normal = solve(best_of(match, min_inliers), T);
+  if (!normal || normal->inliers < min_inliers) return std::nullopt;
+  const Eigen::LLT<Matrix6d> cholesky(normal->A);
   if (cholesky.info() != Eigen::Success || cholesky.rcond() < 1e-12) return std::nullopt;
-  RelativePose pose{match.drone, match.own, match.other, match.other_before, T, {}, normal.inliers};
+  RelativePose pose{match.drone, match.own, match.other,    match.other_before,
+                    T,           {},        normal->inliers};
   pose.covariance = cholesky.solve(Matrix6d::Identity());
   return pose;
 }

@@ -2,8 +2,8 @@
 //
 // The surroundings of a landmark, small enough to be sent, and found again in another drone's
 // image. Two drones that both find a corner set it half a pixel apart; one that looks for what the
-// other has seen finds it to a tenth. Samples lie on the normalised image plane, so that neither
-// drone needs to know the other's lens.
+// other has seen finds it to a fifth or better. Samples lie on the normalised image plane, so that
+// neither drone needs to know the other's lens.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/drift_filter.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "estimator/so3.h"
+#include "sim/random.h"
+
+namespace covey {
+namespace {
+
+constexpr double kStep_m = 1.0;      // between two keyframes
+constexpr double kDrift_m = 0.01;    // standard deviation that a step adds, per axis
+constexpr double kDrift_rad = 5e-4;  // of yaw
+constexpr double kTilt_rad = 1e-3;
+
+// A drone that flies straight and drifts at random, keyframe by keyframe.
+struct Walk {
+  std::vector<KeyframePose> keyframes;  // as its odometry has them
+  std::vector<Eigen::Isometry3d> truth;
+};
+
+Walk walk(std::uint64_t seed, int keyframes, const Eigen::Vector3d& start) {
+  Random random(seed, 0xd41f);
+  Walk walk;
+  Eigen::Vector3d drift = Eigen::Vector3d::Zero();
+  const Eigen::Vector2d tilt(kTilt_rad * random.gaussian(), kTilt_rad * random.gaussian());
+  double yaw = 0;
+  Matrix6d P = Matrix6d::Zero(), F = Matrix6d::Identity();
+  P.diagonal() << 1e-6, 1e-6, 1e-6, kTilt_rad * kTilt_rad, kTilt_rad * kTilt_rad, 1e-8;
+  F.block<3, 1>(0, 5) = kStep_m * Eigen::Vector3d::UnitZ().cross(Eigen::Vector3d::UnitY());
+  for (int i = 0; i < keyframes; ++i) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+    T.translation() = start + i * kStep_m * Eigen::Vector3d::UnitY();
+    walk.truth.push_back(T);
+    KeyframePose pose;
+    pose.keyframe_id = static_cast<std::uint64_t>(i + 1);
+    pose.stamp_ns = nanoseconds(0.5 * i);
+    const Eigen::Vector3d turn(tilt.x(), tilt.y(), yaw);
+    pose.T_world_cam.linear() = exp_so3(Eigen::Vector3d(-turn)) * T.linear();
+    pose.T_world_cam.translation() = T.translation() - drift;
+    pose.covariance = P;
+    walk.keyframes.push_back(pose);
+    P = F * P * F.transpose();
+    P.diagonal().head<3>().array() += kDrift_m * kDrift_m;
+    P(5, 5) += kDrift_rad * kDrift_rad;
+    drift += kDrift_m * random.gaussian_vector();
+    drift += Eigen::Vector3d::UnitZ().cross(kStep_m * Eigen::Vector3d::UnitY()) * yaw;
+    yaw += kDrift_rad * random.gaussian();
+  }
+  return walk;
+}
+
+RelativePose relative(const Walk& own, std::size_t i, const Walk& other, std::size_t j,
+                      std::uint64_t seed, const std::string& name = "uav1") {
+  Random random(seed, 0x4e1);
+  RelativePose pose;
+  pose.drone = name;
+  pose.own = own.keyframes[i];
+  pose.other = other.keyframes[j];
+  pose.other_before = other.keyframes[j >= 6 ? j - 6 : 0];
+  const Eigen::Isometry3d truth = other.truth[j].inverse() * own.truth[i];
+  constexpr double kSigma_m = 0.01, kSigma_rad = 5e-4;
+  pose.T_other_own.translation() = truth.translation() + kSigma_m * random.gaussian_vector();
+  pose.T_other_own.linear() =
+      exp_so3(Eigen::Vector3d(kSigma_rad * random.gaussian_vector())) * truth.linear();
+  pose.covariance.setZero();
+  pose.covariance.diagonal().head<3>().setConstant(kSigma_m * kSigma_m);
+  pose.covariance.diagonal().tail<3>().setConstant(kSigma_rad * kSigma_rad);
+  pose.inliers = 30;
+  return pose;
+}
+
+Odometry odometry_at(const KeyframePose& pose) {
+  Odometry odometry;
+  odometry.stamp_ns = pose.stamp_ns;
+  odometry.pose.p_world_imu = pose.T_world_cam.translation();
+  odometry.pose.q_world_imu = Eigen::Quaterniond(pose.T_world_cam.linear());
+  odometry.pose_covariance = pose.covariance;
+  const Eigen::Matrix3d R = pose.T_world_cam.linear();
+  odometry.pose_covariance.bottomRightCorner<3, 3>() =
+      R.transpose() * pose.covariance.bottomRightCorner<3, 3>() * R;
+  return odometry;
+}
+
+double least_eigenvalue(const DriftFilter& filter) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(filter.covariance())
+      .eigenvalues()
+      .minCoeff();
+}
+
+TEST(DriftFilter, WithoutPeersTheOdometryStaysAsItIs) {
+  DriftFilter filter({}, "uav0");
+  const Odometry alone = odometry_at(walk(1, 5, {0, 0, 0}).keyframes.back());
+  EXPECT_EQ(filter.corrected(alone).pose.p_world_imu, alone.pose.p_world_imu);
+  EXPECT_FALSE(filter.alignment("uav1"));
+}
+
+TEST(DriftFilter, TwoDronesTogetherAreBetterThanEachAlone) {
+  double alone = 0, together = 0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    const Walk own = walk(2 * seed, 60, {0, 0, 0}), other = walk(2 * seed + 1, 60, {-3, 0, 0});
+    DriftFilter filter({}, "uav0");
+    for (std::size_t i = 0; i < 60; ++i) {
+      filter.add_own(own.keyframes[i]);
+      if (i % 4 == 0) (void)filter.add(relative(own, i, other, i, 100 * seed + i));
+    }
+    const Odometry last = odometry_at(own.keyframes.back());
+    const Eigen::Vector3d truth = own.truth.back().translation();
+    alone += (last.pose.p_world_imu - truth).squaredNorm();
+    together += (filter.corrected(last).pose.p_world_imu - truth).squaredNorm();
+  }
+  EXPECT_LT(together, 0.75 * alone);
+}
+
+TEST(DriftFilter, ReturningToAnOwnPlaceTakesTheDriftOut) {
+  double alone = 0, together = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const Walk own = walk(seed, 80, {0, 0, 0});
+    DriftFilter filter({}, "uav0");
+    for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+    EXPECT_EQ(filter.add(relative(own, 79, own, 2, seed, "uav0")), DriftOutcome::kUsed);
+    const Odometry last = odometry_at(own.keyframes.back());
+    const Eigen::Vector3d truth = own.truth.back().translation();
+    alone += (last.pose.p_world_imu - truth).squaredNorm();
+    together += (filter.corrected(last).pose.p_world_imu - truth).squaredNorm();
+  }
+  EXPECT_LT(together, 0.4 * alone);  // depths measured over a short way fix no more
+}
+
+TEST(DriftFilter, APeerThatIsFiveMetresOffIsGated) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+  RelativePose wrong = relative(own, 15, other, 15, 3);
+  wrong.other.T_world_cam.translation().x() += 5;
+  wrong.other_before.T_world_cam.translation().x() += 5;
+  EXPECT_EQ(filter.add(wrong), DriftOutcome::kGated);
+  const Odometry last = odometry_at(own.keyframes.back());
+  EXPECT_NEAR((filter.corrected(last).pose.p_world_imu - last.pose.p_world_imu).norm(), 0, 1e-9);
+}
+
+TEST(DriftFilter, CovarianceStaysPositiveDefiniteOverThousandsOfUpdatesAndTheStateIsBounded) {
+  DriftConfig config;
+  config.max_keyframes = 30;
+  DriftFilter filter(config, "uav0");
+  const int keyframes = 1200;
+  const Walk own = walk(1, keyframes, {0, 0, 0});
+  const Walk others[] = {walk(2, keyframes, {-3, 0, 0}), walk(3, keyframes, {3, 0, 0})};
+  int used = 0;
+  for (std::size_t i = 8; i < static_cast<std::size_t>(keyframes); ++i) {
+    filter.add_own(own.keyframes[i]);
+    for (std::size_t d = 0; d < 2; ++d) {
+      const auto pose = relative(own, i, others[d], i - 8 * (i % 2), i, d == 0 ? "a" : "b");
+      used += filter.add(pose) == DriftOutcome::kUsed;
+    }
+    ASSERT_LE(filter.keyframes(), 30);
+    if (i % 100 == 0) {
+      ASSERT_GT(least_eigenvalue(filter), 0) << "after " << used;
+    }
+  }
+  EXPECT_GT(used, 2000);
+}
+
+TEST(DriftFilter, NumbersThatAreNoneAreRefused) {
+  const Walk own = walk(1, 3, {0, 0, 0}), other = walk(2, 3, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  RelativePose pose = relative(own, 1, other, 1, 3);
+  pose.covariance(0, 0) = -1;
+  EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+  pose = relative(own, 1, other, 1, 3);
+  pose.other.covariance(2, 2) = std::nan("");
+  EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+  EXPECT_EQ(filter.keyframes(), 0);
+}
+
+TEST(DriftFilter, InventedDronesAreBounded) {
+  const Walk own = walk(1, 3, {0, 0, 0}), other = walk(2, 3, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  for (int i = 0; i < 200; ++i) {
+    (void)filter.add(relative(own, 1, other, 1, 3, "ghost" + std::to_string(i)));
+  }
+  EXPECT_LT(filter.peers().size(), 64u);
+}
+
+// ------------------------------------------------------------------------ worlds of their own
+
+// The same walk in a world that is turned and far away.
+Walk elsewhere(Walk walk, const Eigen::Isometry3d& T_peer_world) {
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = T_peer_world.linear();
+  for (KeyframePose& pose : walk.keyframes) {
+    pose.T_world_cam = T_peer_world * pose.T_world_cam;
+    pose.covariance = turn * pose.covariance * turn.transpose();
+  }
+  return walk;
+}
+
+Eigen::Isometry3d far_away() {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = exp_so3({0, 0, 2.1});
+  T.translation() = Eigen::Vector3d(300, -120, 40);
+  return T;
+}
+
+DriftConfig unknown_start() {
+  DriftConfig config;
+  config.common_start = false;
+  return config;
+}
+
+TEST(DriftFilter, AWorldIsFoundOnceSeveralPlacesAgree) {
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const Walk own = walk(2 * seed, 30, {0, 0, 0});
+    const Walk other = elsewhere(walk(2 * seed + 1, 30, {-3, 0, 0}), far_away());
+    DriftFilter filter(unknown_start(), "uav0");
+    int unaligned = 0;
+    for (std::size_t i = 0; i < 30; ++i) {
+      filter.add_own(own.keyframes[i]);
+      unaligned +=
+          filter.add(relative(own, i, other, i, 50 * seed + i)) == DriftOutcome::kUnaligned;
+    }
+    EXPECT_GE(unaligned, 3);
+    EXPECT_LE(unaligned, 6);
+    const auto alignment = filter.alignment("uav1");
+    ASSERT_TRUE(alignment);
+    const Eigen::Isometry3d error = far_away() * alignment->T_own_peer;
+    const double position_m = (error * (far_away() * own.truth.back().translation()).eval() -
+                               far_away() * own.truth.back().translation())
+                                  .norm();
+    EXPECT_LT(position_m, 0.35) << "the peer's drift included";
+    EXPECT_LT(Eigen::AngleAxisd(error.linear()).angle(), 0.5 * M_PI / 180);
+    EXPECT_LT(alignment->position_sigma, 0.2);
+  }
+}
+
+// Two halls that look alike, 12 m apart: what is seen in one is taken for the other.
+TEST(DriftFilter, AWorldSeenFromOneSpotOnlyIsNotBelieved) {
+  const Walk own = walk(1, 30, {0, 0, 0});
+  Walk other = elsewhere(walk(2, 30, {-3, 0, 0}), far_away());
+  DriftFilter filter(unknown_start(), "uav0");
+  // Four keyframes within 3 m of flight, all agreeing on the wrong hall.
+  for (std::size_t i = 0; i < 4; ++i) {
+    RelativePose aliased = relative(own, i, other, i, i);
+    aliased.T_other_own.translation().x() += 12;
+    EXPECT_EQ(filter.add(aliased), DriftOutcome::kUnaligned);
+  }
+  EXPECT_FALSE(filter.alignment("uav1"));
+  // What is seen afterwards is the truth, and wins once it is most of what was said.
+  for (std::size_t i = 5; i < 30; ++i) (void)filter.add(relative(own, i, other, i, i));
+  const auto alignment = filter.alignment("uav1");
+  ASSERT_TRUE(alignment);
+  const Eigen::Vector3d p = own.truth.back().translation();
+  EXPECT_LT((alignment->T_own_peer * (far_away() * p).eval() - p).norm(), 0.35);
+}
+
+TEST(DriftFilter, MatchesThatDisagreeNeverAlignWorlds) {
+  const Walk own = walk(1, 60, {0, 0, 0});
+  const Walk other = elsewhere(walk(2, 60, {-3, 0, 0}), far_away());
+  DriftFilter filter(unknown_start(), "uav0");
+  Random random(4, 1);
+  for (std::size_t i = 0; i < 60; ++i) {
+    RelativePose aliased = relative(own, i, other, 59 - i, i);
+    aliased.T_other_own.translation() += 8 * random.gaussian_vector();
+    EXPECT_EQ(filter.add(aliased), DriftOutcome::kUnaligned);
+  }
+}
+
+TEST(DriftFilter, AWorldThatIsTiltedIsNone) {
+  const Walk own = walk(1, 30, {0, 0, 0});
+  Eigen::Isometry3d tilted = far_away();
+  tilted.linear() = exp_so3({0.1, 0, 0}) * tilted.linear();
+  const Walk other = elsewhere(walk(2, 30, {-3, 0, 0}), tilted);
+  DriftFilter filter(unknown_start(), "uav0");
+  for (std::size_t i = 0; i < 30; ++i) {
+    EXPECT_EQ(filter.add(relative(own, i, other, i, i)), DriftOutcome::kUnaligned);
+  }
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/relative_pose.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+
+#include "estimator/so3.h"
+#include "sim/random.h"
+
+namespace covey {
+namespace {
+
+constexpr double kSigma = 0.3 / 455;
+constexpr double kDepthShare = 0.02;
+
+Eigen::Isometry3d true_pose() {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = exp_so3({0.05, -0.2, 0.03});
+  T.translation() = Eigen::Vector3d(1.5, -0.2, 0.8);
+  return T;
+}
+
+// Landmarks 5..20 m in front of the other camera, whose depths and the own bearings are disturbed.
+KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1) {
+  Random random(seed, 0x3e1a);
+  KeyframeMatch match;
+  match.drone = "uav1";
+  match.bearing_sigma = kSigma;
+  match.T_other_own = true_pose();
+  match.T_other_own.translation() += Eigen::Vector3d(0.2, -0.1, 0.3);
+  match.T_other_own.linear() = exp_so3({0.02, 0.03, -0.01}) * true_pose().linear();
+  for (int i = 0; i < landmarks; ++i) {
+    const Eigen::Vector2d bearing(random.uniform(-0.6, 0.6), random.uniform(-0.4, 0.4));
+    const double depth = random.uniform(5, 20);
+    const Eigen::Vector3d p_own = true_pose().inverse() * (depth * bearing.homogeneous()).eval();
+    LandmarkMatch landmark;
+    landmark.other_bearing = bearing;
+    landmark.bearing = p_own.hnormalized() +
+                       noise * kSigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
+    landmark.inverse_depth = (1 + noise * kDepthShare * random.gaussian()) / depth;
+    landmark.inverse_depth_sigma = kDepthShare / depth;
+    match.matches.push_back(landmark);
+  }
+  return match;
+}
+
+Eigen::Matrix<double, 6, 1> error_of(const RelativePose& pose) {
+  Eigen::Matrix<double, 6, 1> error;
+  error << true_pose().translation() - pose.T_other_own.translation(),
+      log_so3(true_pose().linear() * pose.T_other_own.linear().transpose());
+  return error;
+}
+
+TEST(RelativePose, WithoutNoiseItIsExact) {
+  const auto pose = estimate_relative_pose(make_match(1, 12, 0), 8);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(error_of(*pose).norm(), 1e-6);
+  EXPECT_EQ(pose->inliers, 12);
+  EXPECT_EQ(pose->drone, "uav1");
+}
+
+TEST(RelativePose, ErrorsAreAsLargeAsTheCovarianceSays) {
+  double nees = 0;
+  constexpr int kRuns = 300;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    const auto pose = estimate_relative_pose(make_match(seed, 30), 8);
+    ASSERT_TRUE(pose);
+    nees += error_of(*pose).dot(pose->covariance.llt().solve(error_of(*pose)));
+  }
+  EXPECT_NEAR(nees / kRuns, 6.0, 1.0);
+}
+
+TEST(RelativePose, WrongMatchesPullLittle) {
+  KeyframeMatch match = make_match(5, 30);
+  for (std::size_t i = 0; i < 6; ++i) match.matches[i].bearing += Eigen::Vector2d(0.05, -0.03);
+  const auto pose = estimate_relative_pose(match, 8);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(error_of(*pose).head<3>().norm(), 0.06);
+  EXPECT_LE(pose->inliers, 26);
+}
+
+TEST(RelativePose, WhatWasFoundInTheImageCountsMoreThanTheCorners) {
+  KeyframeMatch match = make_match(6, 30);
+  match.aligned = match.matches;
+  match.aligned_sigma = kSigma;
+  for (LandmarkMatch& corner : match.matches) corner.bearing.x() += 0.02;
+  const auto pose = estimate_relative_pose(match, 8);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(error_of(*pose).head<3>().norm(), 0.05);
+  match.aligned.resize(7);
+  EXPECT_GT(error_of(*estimate_relative_pose(match, 8)).norm(), 0.015) << "too few: the corners";
+}
+
+TEST(RelativePose, TooFewOrAllOnOneSpotFixNothing) {
+  EXPECT_FALSE(estimate_relative_pose(make_match(7, 7), 8));
+  KeyframeMatch spot = make_match(8, 1, 0);
+  spot.T_other_own = true_pose();
+  spot.matches.resize(20, spot.matches.front());
+  EXPECT_FALSE(estimate_relative_pose(spot, 8));
+}
+
+}  // namespace
+}  // namespace covey

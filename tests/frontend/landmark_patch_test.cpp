@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/landmark_patch.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+
+namespace covey {
+namespace {
+
+constexpr double kDepth = 8;  // m, of the wall
+constexpr double kSpacing = 1.25 / 455;
+
+CameraIntrinsics camera() {
+  CameraIntrinsics camera;
+  camera.width = 752;
+  camera.height = 480;
+  camera.fx = camera.fy = 455;
+  camera.cx = 375.5;
+  camera.cy = 239.5;
+  camera.distortion = {-0.2, 0.05, 1e-4, -1e-4};
+  return camera;
+}
+
+double lattice(int x, int y) {
+  const std::uint32_t mixed = 2654435761U * static_cast<std::uint32_t>(x + 1013 * y);
+  return (mixed ^ (mixed >> 15U)) % 200 + 20.0;
+}
+
+// Smooth noise, a grain of 4 pixels.
+double wall(double x, double y) {
+  constexpr double kGrain = 0.07;  // m
+  const double u = x / kGrain, v = y / kGrain;
+  const int i = static_cast<int>(std::floor(u)), k = static_cast<int>(std::floor(v));
+  const auto smooth = [](double t) { return t * t * (3 - 2 * t); };
+  const double a = smooth(u - i), b = smooth(v - k);
+  return (1 - b) * ((1 - a) * lattice(i, k) + a * lattice(i + 1, k)) +
+         b * ((1 - a) * lattice(i, k + 1) + a * lattice(i + 1, k + 1));
+}
+
+// The wall z = kDepth of the other camera, seen from the own one.
+ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, double gain = 1, double offset = 0) {
+  const CameraIntrinsics cam = camera();
+  cv::Mat image(cam.height, cam.width, CV_8UC1);
+  for (int v = 0; v < cam.height; ++v) {
+    for (int u = 0; u < cam.width; ++u) {
+      const auto bearing = unproject(cam, {u, v});
+      double grey = 0;
+      if (bearing) {
+        const Eigen::Vector3d ray = T_other_own.linear() * bearing->homogeneous();
+        const double along = (kDepth - T_other_own.translation().z()) / ray.z();
+        const Eigen::Vector3d p = T_other_own.translation() + along * ray;
+        grey = gain * wall(p.x(), p.y()) + offset;
+      }
+      image.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(grey);
+    }
+  }
+  return build_pyramid(image, 3);
+}
+
+Eigen::Isometry3d own_pose() {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(0.1, Eigen::Vector3d(0.3, 1, 0.2).normalized()).toRotationMatrix();
+  T.translation() = Eigen::Vector3d(0.8, 0.1, 1.0);
+  return T;
+}
+
+struct Search {
+  int tried = 0, found = 0;
+  int near = 0;  // of those found: within 0.2 px of the truth
+};
+
+// Looks for patches of the other's image in the own one, from a pose that is off by `error` (m).
+Search search(const ImagePyramid& own, const Eigen::Vector3d& error) {
+  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity());
+  Eigen::Isometry3d assumed = own_pose();
+  assumed.translation() += error;
+  Search result;
+  for (double x = -0.3; x <= 0.3; x += 0.1) {
+    for (double y = -0.2; y <= 0.2; y += 0.1) {
+      const Eigen::Vector2d bearing(x, y);
+      const auto patch = cut_landmark_patch(other.levels[0], camera(), bearing, kSpacing);
+      if (!patch) continue;
+      ++result.tried;
+      const auto found =
+          find_landmark_patch(own, camera(), {bearing, 1 / kDepth, &*patch, kSpacing}, assumed, {});
+      if (!found) continue;
+      ++result.found;
+      const Eigen::Vector3d p_own = own_pose().inverse() * (kDepth * bearing.homogeneous()).eval();
+      const Eigen::Vector2d truth = project(camera(), p_own.hnormalized());
+      result.near += (project(camera(), *found) - truth).norm() < 0.2 ? 1 : 0;
+    }
+  }
+  return result;
+}
+
+TEST(LandmarkPatch, IsFoundToAFifthOfAPixelFromAnotherPlace) {
+  const Search result = search(see_wall(own_pose()), {0.03, -0.02, 0.0});  // about 2 px
+  EXPECT_GE(result.tried, 30);
+  EXPECT_GE(result.found, result.tried * 2 / 3);
+  EXPECT_GE(result.near, result.found * 8 / 10);
+}
+
+TEST(LandmarkPatch, BrightnessDoesNotMatter) {
+  const Search result = search(see_wall(own_pose(), 0.6, 50), {0, 0, 0});
+  EXPECT_GE(result.found, result.tried * 2 / 3);
+  EXPECT_GE(result.near, result.found * 8 / 10);
+}
+
+TEST(LandmarkPatch, AnotherWallIsNotTakenForIt) {
+  Eigen::Isometry3d elsewhere = own_pose();
+  elsewhere.translation().x() += 5;
+  const Search result = search(see_wall(elsewhere), {0, 0, 0});
+  EXPECT_LE(result.found, result.tried / 4);
+}
+
+TEST(LandmarkPatch, NothingIsCutWithoutContrastOrAtTheBorder) {
+  const cv::Mat grey(480, 752, CV_8UC1, cv::Scalar(90));
+  EXPECT_FALSE(cut_landmark_patch(grey, camera(), {0, 0}, kSpacing));
+  const ImagePyramid image = see_wall(Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(cut_landmark_patch(image.levels[0], camera(), {5, 0}, kSpacing));
+}
+
+TEST(LandmarkPatch, HostileNumbersFindNothing) {
+  const ImagePyramid image = see_wall(own_pose());
+  LandmarkPatch patch{};
+  const double nan = std::nan("");
+  for (int i = 0; i < 32; ++i)
+    patch[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(37 * i);
+  EXPECT_FALSE(
+      find_landmark_patch(image, camera(), {{nan, 0}, 0.1, &patch, kSpacing}, own_pose(), {}));
+  EXPECT_FALSE(
+      find_landmark_patch(image, camera(), {{0, 0}, nan, &patch, kSpacing}, own_pose(), {}));
+  EXPECT_FALSE(find_landmark_patch(image, camera(), {{0, 0}, 0.1, &patch, 1e9}, own_pose(), {}));
+  EXPECT_FALSE(find_landmark_patch(image, camera(), {{0, 0}, 0.1, &patch, 0}, own_pose(), {}));
+  const LandmarkPatch flat{};
+  EXPECT_FALSE(
+      find_landmark_patch(image, camera(), {{0, 0}, 0.1, &flat, kSpacing}, own_pose(), {}));
+}
+
+}  // namespace
+}  // namespace covey
