@@ -358,7 +358,7 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
   double depths = 0;
   for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
   const CameraView view{match.own.T_world_cam * match.T_other_own.inverse(),
-                  depths / static_cast<double>(landmarks.size())};
+                        depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
   remembered_.push_back(

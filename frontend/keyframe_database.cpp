@@ -14,7 +14,9 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
 
 }  // namespace
 
-CameraView view_of(const Keyframe& keyframe) { return {keyframe.pose.T_world_cam, keyframe.mean_depth}; }
+CameraView view_of(const Keyframe& keyframe) {
+  return {keyframe.pose.T_world_cam, keyframe.mean_depth};
+}
 
 double view_difference(const CameraView& a, const CameraView& b) {
   const double baseline = (a.T_world_cam.translation() - b.T_world_cam.translation()).norm();
