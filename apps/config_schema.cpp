@@ -237,6 +237,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
            "of a keyframe that is matched again: way over depth, plus angle in rad");
   v.count("max_revisits", c.max_revisits, {0, 100}, "for one keyframe");
   v.count("min_landmarks", c.min_landmarks, {1, 256}, "in an answer");
+  v.number("drift_px", c.drift_px, {0, 1e4},
+           "[px] by which worlds may look shifted, in a first attempt to match");
   v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
   v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
   v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");

@@ -452,6 +452,7 @@ std::vector<KeyframeFeature> Collaborator::most_useful(
   std::sort(order.begin(), order.end());
   order.resize(std::min(order.size(), static_cast<std::size_t>(config_.max_landmarks)));
   std::vector<KeyframeFeature> best;
+  best.reserve(order.size());
   for (const auto& [weight, index] : order) best.push_back(landmarks[index]);
   return best;
 }
@@ -494,6 +495,28 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyfra
       {message.sender, message.pose, message.before, {}, message.patch_spacing, message.landmarks});
 }
 
+// First among corners that lie about where odometry puts them, if the worlds are one; then
+// anywhere.
+VerificationResult Collaborator::verify_pairs(const Keyframe& own,
+                                              const std::vector<OwnFeature>& features,
+                                              const std::vector<PeerPoint>& points) const {
+  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
+  const auto verified = [&](const std::vector<IndexPair>& pairs) {
+    std::vector<Correspondence> correspondences;
+    correspondences.reserve(pairs.size());
+    for (const IndexPair& pair : pairs) {
+      correspondences.push_back({points[pair.peer].p_world, features[pair.own].bearing});
+    }
+    return verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
+  };
+  const VerificationResult nearby =
+      verified(match_guided(T_world_cam, FrameOffset{}, features, points, focal_length_px_,
+                            {config_.drift_px, config_.matching.max_distance_bits}));
+  if (nearby.verified) return nearby;
+  return verified(match_descriptors(short_descriptors_of(features), short_descriptors_of(points),
+                                    config_.matching));
+}
+
 std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
                                                                    const Sight& other) const {
   const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
@@ -501,13 +524,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyfram
       usable_landmarks(other.landmarks, config_.max_relative_sigma);
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
-  std::vector<Correspondence> correspondences;
-  for (const IndexPair& pair : match_descriptors(short_descriptors_of(features),
-                                                 short_descriptors_of(points), config_.matching)) {
-    correspondences.push_back({points[pair.peer].p_world, own.features[pair.own].bearing});
-  }
-  const VerificationResult result =
-      verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
+  const VerificationResult result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
   const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
                                                     points, focal_length_px_, config_.guided);

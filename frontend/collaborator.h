@@ -58,7 +58,7 @@ struct CollaboratorConfig {
 
   // Revisiting.
   double loop_min_age_s = 5.0;          // s, of an own keyframe
-  double revisit_max_difference = 0.7;  // between the views: way over depth, plus angle (rad)
+  double revisit_max_difference = 1.0;  // between the views: way over depth, plus angle (rad)
   int max_revisits = 4;                 // for one keyframe
   std::size_t remembered = 60;          // peers' keyframes, of about 5 kB
   std::size_t recent_frames = 60;       // images that answers find, besides keyframes, of 14 kB
@@ -68,14 +68,15 @@ struct CollaboratorConfig {
   double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
   AnswerLimiter::Config limiter;  // of the compact exchange
   int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 40;         // of an answer; all, if the exchange is not compact
+  int max_landmarks = 45;         // of an answer; all, if the exchange is not compact
   double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
                                     // neither sent nor accepted
   // Matching.
   MatchingConfig matching;
   VerificationConfig verification;
   GuidedConfig guided;
-  int min_matches = 8;  // fewer are no matches
+  double drift_px = 40;  // by which two drones' worlds may look shifted, in a first attempt
+  int min_matches = 8;   // fewer are no matches
   // To which two drones agree on a corner; a fatter tail than Gaussian.
   double matching_sigma_px = 0.7;
   // Looking for the peer's landmarks in the own image.
@@ -190,6 +191,9 @@ class Collaborator {
     double patch_spacing = 0;
     std::vector<PeerLandmark> landmarks;
   };
+  [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
+                                                const std::vector<OwnFeature>& features,
+                                                const std::vector<PeerPoint>& points) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
                                                                      const Sight& other) const;
   [[nodiscard]] KeyframePose before(const KeyframePose& pose) const;
