@@ -99,6 +99,7 @@ std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
   for (const Sight& peer : self.remembered) consider(peer);
 
   std::vector<std::pair<double, Sight>> candidates;
+  candidates.reserve(nearest.size());
   for (auto& [other, candidate] : nearest) candidates.push_back(std::move(candidate));
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
