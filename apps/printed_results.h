@@ -37,7 +37,7 @@ inline constexpr PrintedData kPrintedData[] = {
     {"castle_around", 639.60, 264.30, 6.89},
     {"mars_yard", 234.37, 22.88, 2.51},
 };
-inline constexpr double kPrintedMessage_kB = 190.7, kPrintedRequest_kB = 2.05;
+inline constexpr double kPrintedMessageKilobytes = 190.7, kPrintedRequestKilobytes = 2.05;
 
 // One drone around the castle.
 struct PrintedLoad {

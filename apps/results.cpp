@@ -143,7 +143,8 @@ std::string data_row(const ScenarioResults& results, const RunData& run) {
   const Value wire = total(run, kWire), least_wire = total(results.compact, kWire);
   Value printed_size;
   if (questions && messages) {
-    printed_size = (*messages * kPrintedMessage_kB + *questions * kPrintedRequest_kB) / 1e3;
+    printed_size =
+        (*messages * kPrintedMessageKilobytes + *questions * kPrintedRequestKilobytes) / 1e3;
   }
   const bool compact = &run == &results.compact;
   const auto times = [&](const Value& value, const Value& reference) {
