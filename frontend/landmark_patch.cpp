@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 
 namespace covey {
@@ -16,7 +17,9 @@ constexpr float kLevels = 15;       // of grey
 constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;
-static_assert(2 * std::tuple_size_v<LandmarkPatch> == kSide * kSide);
+constexpr std::size_t kSamples = 64;  // of a patch, two in an octet
+static_assert(2 * std::tuple_size_v<LandmarkPatch> == kSamples);
+static_assert(kSamples / kSide == kSide);
 
 using Samples = Eigen::Matrix<float, kSide, kSide>;
 using Column = Eigen::Matrix<float, kArea, 1>;
