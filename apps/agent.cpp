@@ -11,6 +11,7 @@
 
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
+#include "estimator/initializer.h"
 
 namespace covey {
 namespace {
@@ -351,7 +352,7 @@ namespace {
 
 nlohmann::json level_frame_json(const Eigen::Isometry3d& frame) {
   const Eigen::Vector3d& p = frame.translation();
-  const double yaw = std::atan2(frame.linear()(1, 0), frame.linear()(0, 0));
+  const double yaw = yaw_of(Eigen::Quaterniond(frame.linear()));
   return {{"position_m", {p.x(), p.y(), p.z()}}, {"yaw_deg", yaw * 180 / M_PI}};
 }
 

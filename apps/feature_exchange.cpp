@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <tuple>
 #include <unordered_set>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "comms/checks.h"
 #include "comms/convert.h"
 #include "frontend/compact_place.h"
+#include "frontend/nearest_views.h"
 #include "sim/random.h"
 
 namespace covey {
@@ -38,17 +38,6 @@ std::vector<std::pair<const FlownFeature*, const FlownFeature*>> common(
 
 constexpr double kPatchSpacing = 0.00275;  // whose patches only count as bytes here
 
-// As Collaborator chooses it for the newest one.
-KeyframePose before(const std::deque<FlownKeyframe>& keyframes) {
-  constexpr double kDepthMemory_s = 3.0;
-  const KeyframePose& newest = keyframes.back().pose;
-  const auto old_enough =
-      std::find_if(keyframes.rbegin(), keyframes.rend(), [&](const FlownKeyframe& keyframe) {
-        return seconds_between(keyframe.pose.stamp_ns, newest.stamp_ns) >= kDepthMemory_s;
-      });
-  return old_enough == keyframes.rend() ? keyframes.front().pose : old_enough->pose;
-}
-
 }  // namespace
 
 FeatureExchange::FeatureExchange(const FeatureExchangeConfig& config,
@@ -66,8 +55,10 @@ void FeatureExchange::falsify(std::size_t drone, const Falsehood& falsehood) {
 
 void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyframe) {
   Drone& self = drones_[drone];
+  const KeyframePose before =
+      measured_since(self.keyframes, keyframe.pose, config_.limits.depth_memory_s);
   self.keyframes.push_back(keyframe);
-  self.keyframes.back().before = before(self.keyframes);
+  self.keyframes.back().before = before;
   if (self.silent) return;
   const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
   const PlaceAdvert advert{self.name, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, 1,
@@ -80,15 +71,12 @@ std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
   const Drone& self = drones_[drone];
   const FlownKeyframe& newest = self.keyframes.back();
   const CameraView view = view_of(newest.T_world_cam_true, newest.mean_depth);
-  std::map<std::size_t, std::pair<double, Sight>> nearest;  // by drone
+  NearestViews<std::size_t, Sight> nearest(config_.limits.revisit_max_difference,
+                                           config_.limits.max_revisits);
   const auto consider = [&](const Sight& sight) {
-    const double difference =
-        view_difference(view_of(sight.T_world_cam_true, sight.mean_depth), view);
-    if (difference > config_.limits.revisit_max_difference) return;
-    const auto known = nearest.find(sight.drone);
-    if (known == nearest.end() || difference < known->second.first) {
-      nearest[sight.drone] = {difference, sight};
-    }
+    nearest.consider(sight.drone,
+                     view_difference(view_of(sight.T_world_cam_true, sight.mean_depth), view),
+                     sight);
   };
   for (const FlownKeyframe& old : self.keyframes) {
     if (!config_.own_loops) break;
@@ -98,15 +86,8 @@ std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
   }
   for (const Sight& peer : self.remembered) consider(peer);
 
-  std::vector<std::pair<double, Sight>> candidates;
-  candidates.reserve(nearest.size());
-  for (auto& [other, candidate] : nearest) candidates.push_back(std::move(candidate));
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  const auto most = static_cast<std::size_t>(config_.limits.max_revisits);
-  if (candidates.size() > most) candidates.resize(most);
   std::vector<KeyframeMatch> matches;
-  for (const auto& [difference, sight] : candidates) {
+  for (const Sight& sight : nearest.take()) {
     if (auto found = match(drone, newest, sight)) matches.push_back(std::move(*found));
   }
   return matches;

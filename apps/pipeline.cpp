@@ -117,7 +117,10 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   if (grey.empty()) {
     result.update = estimator_.pass_image(stamp_ns);
     result.timing.propagate_ms = result.update.propagate_ms;
-    if (started()) take_odometry(estimator_.odometry(), result);
+    if (started()) {
+      take_odometry(estimator_.odometry(), result);
+      result.odometry = with_team(*result.alone);
+    }
     return result;
   }
   TrackedFrame frame = track(stamp_ns, grey, R_cam_previous, result);
@@ -133,7 +136,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
         result.announcement = {*std::move(newest), estimator_.snapshot()};
       }
     }
-    if (drift_) result.odometry = drift_->corrected(*result.alone);
+    result.odometry = with_team(*result.alone);
   }
   forget_old_imu(stamp_ns);
   return result;
@@ -170,8 +173,11 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
 void Pipeline::take_odometry(Odometry alone, ImageResult& result) {
   alone.stamp_ns = result.timing.stamp_ns;  // the image's clock, may be offset from the IMU's
   status_.status = alone.status;
-  result.odometry = drift_ ? drift_->corrected(alone) : alone;
   result.alone = alone;
+}
+
+Odometry Pipeline::with_team(const Odometry& alone) const {
+  return drift_ ? drift_->corrected(alone) : alone;
 }
 
 void Pipeline::start_if_possible(TimeNs stamp_ns) {

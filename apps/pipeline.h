@@ -83,6 +83,7 @@ class Pipeline {
   [[nodiscard]] TrackedFrame track(TimeNs stamp_ns, const cv::Mat& grey,
                                    const Eigen::Matrix3d& R_cam_previous, ImageResult& result);
   void take_odometry(Odometry alone, ImageResult& result);
+  [[nodiscard]] Odometry with_team(const Odometry& alone) const;
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;

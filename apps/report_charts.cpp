@@ -6,6 +6,8 @@
 #include <cmath>
 #include <functional>
 
+#include "estimator/initializer.h"
+
 namespace covey {
 namespace {
 
@@ -91,10 +93,6 @@ Curve distance_curve(const RunData& data, const std::vector<PosePair>& pairs) {
                               (pair.truth.p_world_imu - aligned.p_world_imu).norm());
   }
   return curve;
-}
-
-double yaw_of(const Eigen::Quaterniond& q) {
-  return std::atan2(2 * (q.w() * q.z() + q.x() * q.y()), 1 - 2 * (q.y() * q.y() + q.z() * q.z()));
 }
 
 // Of the rotation about the vertical: the local error's covariance, seen in the world.

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "estimator/chi_square.h"
+#include "estimator/positive_definite.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -62,11 +63,6 @@ Step step_between(const Eigen::Vector3d& from, const Matrix6d& P_from, const Eig
   Step step{V * kept.asDiagonal() * V_inverse * F, V * added.asDiagonal() * V.transpose()};
   step.Q.diagonal().array() += kMinVariance;
   return step;
-}
-
-// A factorisation alone does not notice what is not a number.
-bool is_covariance(const Matrix6d& P) {
-  return P.allFinite() && Eigen::LLT<Matrix6d>(P).info() == Eigen::Success;
 }
 
 Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
@@ -229,8 +225,9 @@ void DriftFilter::forget(int index) {
 }
 
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
-  if (!is_covariance(measurement.covariance) || !is_covariance(measurement.other.covariance) ||
-      !is_covariance(measurement.other_before.covariance)) {
+  if (!is_positive_definite<6>(measurement.covariance) ||
+      !is_positive_definite<6>(measurement.other.covariance) ||
+      !is_positive_definite<6>(measurement.other_before.covariance)) {
     return DriftOutcome::kInvalid;
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
@@ -313,8 +310,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix6d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
-  last_distance_ = r.dot(cholesky.solve(r));
-  if (last_distance_ > gate_limit_) return DriftOutcome::kGated;
+  if (r.dot(cholesky.solve(r)) > gate_limit_) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_ += W.transpose() * cholesky.matrixL().solve(r);
   P_ -= W.transpose() * W;

@@ -69,7 +69,6 @@ class DriftFilter {
   [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
   // Of the pose errors of all keyframes in the state, [dp dtheta] each.
   [[nodiscard]] const Eigen::MatrixXd& covariance() const { return P_; }
-  [[nodiscard]] double last_distance() const { return last_distance_; }  // squared Mahalanobis
 
  private:
   struct Node {
@@ -130,7 +129,6 @@ class DriftFilter {
   Eigen::VectorXd x_;  // 6 per node
   Eigen::MatrixXd P_;
   std::deque<OwnDrift> own_history_;  // rising stamps
-  double last_distance_ = 0;
 };
 
 }  // namespace covey

@@ -9,6 +9,7 @@
 #include "estimator/chi_square.h"
 #include "estimator/covariance_intersection.h"
 #include "estimator/observation_model.h"
+#include "estimator/positive_definite.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -85,13 +86,11 @@ std::vector<Row> linearize(const State& state, const SharedKeyframe& keyframe,
 }
 
 bool plausible(const SharedLandmark& landmark) {
-  return landmark.p_other.allFinite() && landmark.covariance.allFinite() &&
-         Eigen::LLT<Eigen::Matrix3d>(landmark.covariance).info() == Eigen::Success;
+  return landmark.p_other.allFinite() && is_positive_definite<3>(landmark.covariance);
 }
 
 bool plausible(const KeyframePose& pose) {
-  return pose.T_world_cam.matrix().allFinite() && pose.covariance.allFinite() &&
-         Eigen::LLT<Matrix6d>(pose.covariance).info() == Eigen::Success;
+  return pose.T_world_cam.matrix().allFinite() && is_positive_definite<6>(pose.covariance);
 }
 
 void drop_implausible(SharedKeyframe& keyframe, PeerReport& report) {

@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <map>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
 
 #include "frontend/compact_place.h"
+#include "frontend/nearest_views.h"
 
 namespace covey {
 namespace {
@@ -247,7 +247,7 @@ std::optional<PeerKeyframe> Collaborator::announcement() const {
                       0,
                       newest->pose,
                       newest->before,
-                      config_.patch.spacing_px / focal_length_px_,
+                      patch_spacing(),
                       to_peer_landmarks(landmarks)};
 }
 
@@ -262,7 +262,7 @@ Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImageP
                                      const std::vector<TrackDepth>& depths) {
   Keyframe keyframe;
   keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
-  keyframe.before = before(keyframe.pose);
+  keyframe.before = measured_since(database_.keyframes(), keyframe.pose, config_.depth_memory_s);
   keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
                             .value_or(config_.keyframe.fallback_depth);
   std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
@@ -275,8 +275,7 @@ Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImageP
     if (!feature.described) continue;
     KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0, {}};
     if (!image.levels.empty()) {
-      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing,
-                                        config_.patch.spacing_px / focal_length_px_)
+      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing, patch_spacing())
                          .value_or(LandmarkPatch{});
     }
     if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
@@ -290,56 +289,31 @@ Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImageP
   return keyframe;
 }
 
-// The newest keyframe of that age, or the oldest there is.
-KeyframePose Collaborator::before(const KeyframePose& pose) const {
-  const std::deque<Keyframe>& known = database_.keyframes();
-  if (known.empty()) return pose;
-  const auto old_enough = std::find_if(known.rbegin(), known.rend(), [&](const Keyframe& keyframe) {
-    return seconds_between(keyframe.pose.stamp_ns, pose.stamp_ns) >= config_.depth_memory_s;
-  });
-  return old_enough == known.rend() ? known.front().pose : old_enough->pose;
-}
-
 std::vector<KeyframeMatch> Collaborator::revisit() {
   std::vector<KeyframeMatch> matches;
   const Keyframe* newest = database_.last();
   if (newest == nullptr) return matches;
   const CameraView view = view_of(*newest);
   struct Candidate {
-    double difference = 0;
     const Keyframe* own = nullptr;
     const Sight* peer = nullptr;
   };
-  std::map<std::string, Candidate> nearest;  // by drone
-  const auto consider = [&](const std::string& drone, const Candidate& candidate) {
-    if (candidate.difference > config_.revisit_max_difference) return;
-    const auto [known, added] = nearest.emplace(drone, candidate);
-    if (!added && candidate.difference < known->second.difference) known->second = candidate;
-  };
+  NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
+                                               config_.max_revisits);
   for (const Keyframe& old : database_.keyframes()) {
     if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
-    consider(config_.agent, {view_difference(view_of(old), view), &old, nullptr});
+    nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
   }
   for (const Sight& peer : remembered_) {
-    consider(peer.drone, {view_difference(peer.view, view), nullptr, &peer});
+    nearest.consider(peer.drone, view_difference(peer.view, view), {nullptr, &peer});
   }
-  std::vector<Candidate> candidates;
-  candidates.reserve(nearest.size());
-  for (const auto& [drone, candidate] : nearest) candidates.push_back(candidate);
-  std::stable_sort(
-      candidates.begin(), candidates.end(),
-      [](const Candidate& a, const Candidate& b) { return a.difference < b.difference; });
-  if (candidates.size() > static_cast<std::size_t>(config_.max_revisits)) {
-    candidates.resize(static_cast<std::size_t>(config_.max_revisits));
-  }
-  for (const Candidate& candidate : candidates) {
-    const Sight sight = candidate.own ? Sight{config_.agent,
-                                              candidate.own->pose,
-                                              candidate.own->before,
-                                              {},
-                                              config_.patch.spacing_px / focal_length_px_,
-                                              to_peer_landmarks(landmarks_of(*candidate.own))}
-                                      : *candidate.peer;
+  for (const Candidate& candidate : nearest.take()) {
+    const Sight sight =
+        candidate.own
+            ? Sight{config_.agent,         candidate.own->pose,
+                    candidate.own->before, {},
+                    patch_spacing(),       to_peer_landmarks(landmarks_of(*candidate.own))}
+            : *candidate.peer;
     auto result = match_keyframes(*newest, sight);
     auto* match = std::get_if<KeyframeMatch>(&result);
     if (match == nullptr) continue;
@@ -396,23 +370,26 @@ int* Collaborator::refusal(const PlaceAdvert& advert) {
 }
 
 std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert) const {
-  std::optional<PeerKeyframe> best;
+  const Keyframe* best = nullptr;
+  std::vector<KeyframeFeature> best_landmarks;
   double best_score = place_threshold_;
   for (const RankedKeyframe& candidate : similar_keyframes(advert)) {
-    const std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
+    std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
     const double score = landmark_score(advert, candidate, landmarks);
     if (score < best_score) continue;
     best_score = score;
-    best = PeerKeyframe{config_.agent,
-                        advert.sender,
-                        advert.keyframe_id,
-                        candidate.keyframe->pose,
-                        candidate.keyframe->before,
-                        config_.patch.spacing_px / focal_length_px_,
-                        to_peer_landmarks(most_useful(landmarks, advert))};
+    best = candidate.keyframe;
+    best_landmarks = std::move(landmarks);
   }
-  return best;
+  if (best == nullptr) return std::nullopt;
+  return PeerKeyframe{config_.agent,
+                      advert.sender,
+                      advert.keyframe_id,
+                      best->pose,
+                      best->before,
+                      patch_spacing(),
+                      to_peer_landmarks(most_useful(best_landmarks, advert))};
 }
 
 std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(

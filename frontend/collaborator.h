@@ -196,7 +196,7 @@ class Collaborator {
                                                 const std::vector<PeerPoint>& points) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
                                                                      const Sight& other) const;
-  [[nodiscard]] KeyframePose before(const KeyframePose& pose) const;
+  [[nodiscard]] double patch_spacing() const { return config_.patch.spacing_px / focal_length_px_; }
   [[nodiscard]] std::vector<LandmarkMatch> look_for(const Sight& other,
                                                     const std::vector<PeerLandmark>& landmarks,
                                                     const KeyframeMatch& match) const;

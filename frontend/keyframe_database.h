@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -57,6 +58,18 @@ struct CameraView {
 
 // How different two views are: the way between them over the depth, plus the angle.
 [[nodiscard]] double view_difference(const CameraView& a, const CameraView& b);
+
+// The one of a drone's keyframes, oldest first and all before `pose`, since which depths seen at
+// `pose` were measured: the newest that is `memory_s` old, or the oldest there is, or itself.
+template <typename Keyframes>
+[[nodiscard]] KeyframePose measured_since(const Keyframes& keyframes, const KeyframePose& pose,
+                                          double memory_s) {
+  if (keyframes.empty()) return pose;
+  for (auto keyframe = keyframes.rbegin(); keyframe != keyframes.rend(); ++keyframe) {
+    if (seconds_between(keyframe->pose.stamp_ns, pose.stamp_ns) >= memory_s) return keyframe->pose;
+  }
+  return keyframes.front().pose;
+}
 
 // Bounded. When full, of the two keyframes with the most similar views the newer one goes
 // (landmarks drift less the earlier they were mapped), so that a place stays as long as it is the

@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "frontend/patch_alignment.h"
+
 namespace covey {
 namespace {
 
@@ -25,19 +27,6 @@ using Samples = Eigen::Matrix<float, kSide, kSide>;
 using Column = Eigen::Matrix<float, kArea, 1>;
 using Gradient = Eigen::Matrix<float, kArea, 2>;
 
-// Where the samples of a patch lie in an image: pixel + step * (column, row), about the middle.
-struct Grid {
-  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d step = Eigen::Matrix2d::Identity();
-};
-
-bool inside(const cv::Mat& image, const Grid& grid, int side) {
-  const Eigen::Vector2d reach = 0.5 * side * grid.step.cwiseAbs().rowwise().sum();
-  const Eigen::Vector2d low = grid.pixel - reach, high = grid.pixel + reach;
-  // Written so that NaN is outside.
-  return low.x() >= 1 && low.y() >= 1 && high.x() < image.cols - 2 && high.y() < image.rows - 2;
-}
-
 float bilinear(const cv::Mat& image, const Eigen::Vector2d& pixel) {
   const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y());
   const auto fx = static_cast<float>(pixel.x() - x), fy = static_cast<float>(pixel.y() - y);
@@ -48,13 +37,13 @@ float bilinear(const cv::Mat& image, const Eigen::Vector2d& pixel) {
 }
 
 template <int Side>
-Eigen::Matrix<float, Side, Side> sample(const cv::Mat& image, const Grid& grid) {
+Eigen::Matrix<float, Side, Side> sample(const cv::Mat& image, const PatchPlace& grid) {
   Eigen::Matrix<float, Side, Side> samples;
   constexpr double kMiddle = (Side - 1) / 2.0;
   for (int row = 0; row < Side; ++row) {
     for (int column = 0; column < Side; ++column) {
       const Eigen::Vector2d at(column - kMiddle, row - kMiddle);
-      samples(row, column) = bilinear(image, grid.pixel + grid.step * at);
+      samples(row, column) = bilinear(image, grid.pixel + grid.affine * at);
     }
   }
   return samples;
@@ -104,12 +93,12 @@ struct Fit {
   double correlation = 0;
 };
 
-std::optional<Fit> align(const Template& patch, const cv::Mat& image, Grid grid,
+std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace grid,
                          double max_shift_px) {
   const Eigen::Vector2d start = grid.pixel;
   Fit fit;
   for (int i = 0; i < kMaxIterations; ++i) {
-    if (!inside(image, grid, kInner)) return std::nullopt;
+    if (!inside(image, grid, 0.5 * kInner)) return std::nullopt;
     const Eigen::Matrix<float, kInner, kInner> square = sample<kInner>(image, grid).transpose();
     Column grey = Eigen::Map<const Column>(square.data());
     grey.array() -= grey.mean();
@@ -118,7 +107,7 @@ std::optional<Fit> align(const Template& patch, const cv::Mat& image, Grid grid,
     if (!(gain > 0)) return std::nullopt;
     fit = {grid.pixel, product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm())};
     const Eigen::Vector2f step = patch.inverse_hessian * (patch.gradient.transpose() * grey) / gain;
-    const Eigen::Vector2d moved = grid.step * step.cast<double>();
+    const Eigen::Vector2d moved = grid.affine * step.cast<double>();
     grid.pixel -= moved;
     if (!((grid.pixel - start).norm() < max_shift_px)) return std::nullopt;
     if (moved.norm() < kConverged_px) return fit;
@@ -131,10 +120,10 @@ std::optional<Fit> align(const Template& patch, const cv::Mat& image, Grid grid,
 std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
                                                 const CameraIntrinsics& camera,
                                                 const Eigen::Vector2d& bearing, double spacing) {
-  Grid grid;
-  grid.pixel = project(camera, bearing, &grid.step);
-  grid.step *= spacing;
-  if (!inside(image, grid, kSide)) return std::nullopt;
+  PatchPlace grid;  // one sample apart: one px of the patch
+  grid.pixel = project(camera, bearing, &grid.affine);
+  grid.affine *= spacing;
+  if (!inside(image, grid, 0.5 * kSide)) return std::nullopt;
   const Samples samples = sample<kSide>(image, grid);
   const float darkest = samples.minCoeff(), contrast = samples.maxCoeff() - darkest;
   if (contrast < kMinContrast) return std::nullopt;
@@ -159,20 +148,20 @@ std::optional<Eigen::Vector2d> find_landmark_patch(const ImagePyramid& image,
   constexpr double kMinDepth = 0.1, kMaxBearing = 2.0;
   if (!(q.z() > kMinDepth) || q.hnormalized().norm() > kMaxBearing) return std::nullopt;
   Eigen::Matrix2d J_pixel;
-  Grid grid;
+  PatchPlace grid;
   grid.pixel = project(camera, q.hnormalized(), &J_pixel);
   Eigen::Matrix<double, 2, 3> J_bearing;
   J_bearing << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
-  grid.step = J_pixel * J_bearing * R.leftCols<2>() * (seen.spacing / q.z());
+  grid.affine = J_pixel * J_bearing * R.leftCols<2>() * (seen.spacing / q.z());
 
   // Seen from nearer by, the samples lie far apart: a coarser image fits them.
-  const double apart = std::sqrt(std::abs(grid.step.determinant()));
+  const double apart = std::sqrt(std::abs(grid.affine.determinant()));
   const int coarsest = static_cast<int>(image.levels.size()) - 1;
   const int level =
       std::clamp(static_cast<int>(std::lround(std::log2(apart / config.spacing_px))), 0, coarsest);
   const double scale = 1 << level;
   grid.pixel /= scale;
-  grid.step /= scale;
+  grid.affine /= scale;
   const std::optional<Template> patch = template_of(*seen.patch);
   if (!patch) return std::nullopt;
   const auto fit = align(*patch, image.levels[static_cast<std::size_t>(level)], grid,

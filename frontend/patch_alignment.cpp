@@ -22,14 +22,6 @@ using AffineImages = Eigen::Matrix<float, kArea, 4>;
 using Matrix6f = Eigen::Matrix<float, 6, 6>;
 using Vector6f = Eigen::Matrix<float, 6, 1>;
 
-// Is the warped square, and the pixel that bilinear sampling looks at beyond it, inside the image?
-bool inside(const cv::Mat& image, const PatchPlace& place, double radius) {
-  const Eigen::Vector2d reach = radius * place.affine.cwiseAbs().rowwise().sum();
-  const Eigen::Vector2d lowest = place.pixel - reach;
-  const Eigen::Vector2d highest = place.pixel + reach;
-  return lowest.minCoeff() >= 1 && highest.x() < image.cols - 2 && highest.y() < image.rows - 2;
-}
-
 // Bilinear, in fixed point: 16 bits of fraction for places, 11 for weights.
 template <int Side>
 void sample(const cv::Mat& image, const PatchPlace& place, float* out) {
@@ -99,6 +91,14 @@ void project_out_brightness(const Column& grey, Images& images) {
 }
 
 }  // namespace
+
+bool inside(const cv::Mat& image, const PatchPlace& place, double radius) {
+  const Eigen::Vector2d reach = radius * place.affine.cwiseAbs().rowwise().sum();
+  const Eigen::Vector2d lowest = place.pixel - reach, highest = place.pixel + reach;
+  // Written so that NaN is outside.
+  return lowest.x() >= 1 && lowest.y() >= 1 && highest.x() < image.cols - 2 &&
+         highest.y() < image.rows - 2;
+}
 
 struct Patch::Model {
   struct Level {

@@ -31,6 +31,10 @@ struct PatchPlace {
   Eigen::Matrix2d affine = Eigen::Matrix2d::Identity();
 };
 
+// Is the warped square of that radius (px of the patch), and the pixel that bilinear sampling looks
+// at beyond it, inside the image?
+[[nodiscard]] bool inside(const cv::Mat& image, const PatchPlace& place, double radius);
+
 struct PatchFit {
   PatchPlace place;
   double correlation = 0;  // zero-mean normalised, -1..1

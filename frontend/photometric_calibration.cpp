@@ -8,6 +8,8 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "frontend/patch_alignment.h"
+
 namespace covey {
 namespace {
 
@@ -32,11 +34,8 @@ struct PatchGrey {
 template <typename Pixel>
 std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& place) {
   constexpr int kRadius = kPatch / 2;
-  const Eigen::Vector2d reach = kRadius * place.affine.cwiseAbs().rowwise().sum();
-  const Eigen::Vector2d lowest = place.pixel - reach, highest = place.pixel + reach;
-  if (!(lowest.minCoeff() >= 1 && highest.x() < image.cols - 2 && highest.y() < image.rows - 2)) {
-    return std::nullopt;
-  }
+  if (!inside(image, place, kRadius)) return std::nullopt;
+  const Eigen::Vector2d lowest = place.pixel - kRadius * place.affine.cwiseAbs().rowwise().sum();
   const Eigen::Vector2f step = place.affine.col(0).cast<float>();
   float sum = 0, squares = 0;  // of what differs from the first pixel
   Pixel least = std::numeric_limits<Pixel>::max(), most = 0;

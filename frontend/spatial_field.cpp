@@ -136,12 +136,12 @@ void SpatialField::solve() {
 
 cv::Mat SpatialField::image(double units_per_sigma) const {
   cv::Mat field(image_size_, CV_16SC1);
+  const Eigen::Map<const Eigen::MatrixXf> node_rows(nodes_.data(), columns_, rows_);
   Eigen::VectorXf column(columns_);  // the nodes' row, interpolated between two rows
   for (int y = 0; y < field.rows; ++y) {
     const Corner c = corner({0, static_cast<double>(y)});
     const auto fy = static_cast<float>(c.fy);
-    column = (1 - fy) * nodes_.segment(c.y * columns_, columns_) +
-             fy * nodes_.segment((c.y + 1) * columns_, columns_);
+    column = (1 - fy) * node_rows.col(c.y) + fy * node_rows.col(c.y + 1);
     column *= static_cast<float>(units_per_sigma);
     auto* out = field.ptr<std::int16_t>(y);
     const auto step = static_cast<float>(1 / config_.cell_px);

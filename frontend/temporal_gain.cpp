@@ -2,6 +2,7 @@
 #include "frontend/temporal_gain.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 
@@ -43,6 +44,12 @@ std::optional<GainOffset> orthogonal_fit(const Moments& m, double ratio) {
       (difference + std::sqrt(difference * difference + 4 * scaled * m.np * m.np)) / (2 * m.np);
   map.offset = m.past - map.gain * m.now;
   return map;
+}
+
+bool is_by_patch(const std::vector<TrackGrey>& tracks) {
+  return std::is_sorted(tracks.begin(), tracks.end(), [](const TrackGrey& a, const TrackGrey& b) {
+    return a.patch_id < b.patch_id;
+  });
 }
 
 double median(std::vector<double> values) {
@@ -121,16 +128,14 @@ std::optional<GainOffset> TemporalGain::against(const PastImage& past,
 }
 
 GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks) const {
-  std::vector<TrackGrey> sorted = tracks;
-  std::sort(sorted.begin(), sorted.end(),
-            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
+  assert(is_by_patch(tracks));
   double middle = 0;  // grey level at which the offsets are averaged
-  for (const TrackGrey& track : sorted) middle += track.grey / static_cast<double>(sorted.size());
+  for (const TrackGrey& track : tracks) middle += track.grey / static_cast<double>(tracks.size());
   double log_gain = 0, level = 0;
   int links = 0;
   const auto spacing = static_cast<std::size_t>(config_.spacing);
   for (std::size_t lag = 0; lag < images_.size(); lag += spacing) {
-    const auto map = against(images_[lag], sorted);
+    const auto map = against(images_[lag], tracks);
     if (!map) continue;
     log_gain += std::log(map->gain);
     level += (*map)(middle);
@@ -154,8 +159,6 @@ GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor
 
 GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks,
                              const GainOffset& anchor) {
-  std::sort(tracks.begin(), tracks.end(),
-            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
   GainOffset map = estimate(tracks);
   if (last_ns_ != 0 && !tracks.empty()) {
     const double middle_grey = tracks[tracks.size() / 2].grey;

@@ -54,6 +54,7 @@ class TemporalGain {
  public:
   explicit TemporalGain(const TemporalConfig& config) : config_(config) {}
 
+  // Tracks by rising patch_id, here and below.
   // The map of an image from its tracks; that of the image before when they do not tell.
   [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks) const;
 

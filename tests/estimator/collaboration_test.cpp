@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <optional>
+#include <utility>
 
 #include "tests/estimator/team_flight.h"
 
@@ -85,15 +87,24 @@ TeamStatistics alone(TeamFlight flight) {
   return fly_all(flight);
 }
 
+// The first drone uses what it hears, stays honest and becomes better. Returns the team and each
+// alone; nothing where there are too few flights to say.
+std::optional<std::pair<TeamStatistics, TeamStatistics>> expect_gain(const TeamFlight& flight) {
+  TeamStatistics team = fly_all(flight);
+  EXPECT_GT(team.messages_used, kSeeds);
+  if (!kEnoughForStatistics) return std::nullopt;
+  expect_honest(team);
+  TeamStatistics solo = alone(flight);
+  EXPECT_LT(team.drones[0].position_m, 0.85 * solo.drones[0].position_m);
+  return std::pair(std::move(team), std::move(solo));
+}
+
 TEST(Collaboration, ADroneGainsFromAPeerThatSeesBetterAndStaysHonest) {
   TeamFlight flight;
   flight.pixel_sigma = {kPoor_px, kGood_px};
-  const TeamStatistics team = fly_all(flight);
-  EXPECT_GT(team.messages_used, kSeeds);
-  if (!kEnoughForStatistics) return;
-  expect_honest(team);
-  const TeamStatistics solo = alone(flight);
-  EXPECT_LT(team.drones[0].position_m, 0.85 * solo.drones[0].position_m);
+  const auto flown = expect_gain(flight);
+  if (!flown) return;
+  const auto& [team, solo] = *flown;
   EXPECT_LT(team.drones[1].position_m, 1.02 * solo.drones[1].position_m);
 }
 
@@ -101,23 +112,14 @@ TEST(Collaboration, ADroneWithoutSlamFeaturesGainsByItsMsckfTracks) {
   TeamFlight flight;
   flight.pixel_sigma = {kPoor_px, kGood_px};
   flight.config.max_slam_features = 0;
-  const TeamStatistics team = fly_all(flight);
-  EXPECT_GT(team.messages_used, kSeeds);
-  if (!kEnoughForStatistics) return;
-  expect_honest(team);
-  EXPECT_LT(team.drones[0].position_m, 0.85 * alone(flight).drones[0].position_m);
+  (void)expect_gain(flight);
 }
 
 // Two peers see the same landmarks as the own drone, and tell each other as well.
 TEST(Collaboration, TwoPeersOfOneLandmarkLeaveTheDroneHonest) {
   TeamFlight flight;
   flight.pixel_sigma = {kPoor_px, kGood_px, kGood_px};
-  const TeamStatistics team = fly_all(flight);
-  EXPECT_GT(team.messages_used, kSeeds);
-  if (!kEnoughForStatistics) return;
-  expect_honest(team);
-  const TeamStatistics solo = alone(flight);
-  EXPECT_LT(team.drones[0].position_m, 0.85 * solo.drones[0].position_m);
+  (void)expect_gain(flight);
 }
 
 TEST(Collaboration, WrongMatchesDoNoHarm) {

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "estimator/observation_model.h"
+#include "apps/camera_pose.h"
 #include "estimator/so3.h"
 #include "tests/estimator/filter_run.h"
 
@@ -85,17 +85,11 @@ class TeamMember {
     const CameraMeasurement& camera = drone_.camera[image];
     const Odometry odometry = estimator_.odometry();
     const CameraExtrinsics extrinsics = estimator_.extrinsics();
-    const CameraPose pose = camera_pose(odometry.pose, extrinsics);
     StoredKeyframe keyframe;
     keyframe.pose.keyframe_id = next_keyframe_id_++;
     keyframe.pose.stamp_ns = camera.stamp_ns;
-    keyframe.pose.T_world_cam.linear() = pose.R_world_cam;
-    keyframe.pose.T_world_cam.translation() = pose.p_world_cam;
-    const Eigen::Matrix3d R = odometry.pose.q_world_imu.toRotationMatrix();
-    Matrix6d J = Matrix6d::Identity();
-    J.topRightCorner<3, 3>() = -R * skew(extrinsics.p_imu_cam);
-    J.bottomRightCorner<3, 3>() = R;
-    keyframe.pose.covariance = J * odometry.pose_covariance * J.transpose();
+    keyframe.pose.T_world_cam = camera_in_world(odometry.pose, extrinsics);
+    keyframe.pose.covariance = camera_covariance(odometry, extrinsics);
     std::map<std::uint64_t, TrackDepth> depths;
     for (const TrackDepth& depth : estimator_.depths()) depths[depth.track_id] = depth;
     for (const TrackObservation& seen : camera.tracks) {
@@ -126,11 +120,7 @@ class TeamMember {
 
 inline Eigen::Isometry3d true_camera(const DroneFeatures& drone, TimeNs stamp_ns) {
   const double time_s = seconds_between(drone.imu.front().stamp_ns, stamp_ns);
-  const CameraPose pose = camera_pose(drone.trajectory.pose_at(time_s), drone.extrinsics);
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = pose.R_world_cam;
-  T.translation() = pose.p_world_cam;
-  return T;
+  return camera_in_world(drone.trajectory.pose_at(time_s), drone.extrinsics);
 }
 
 // The newest own keyframe against the peer's that shares most with it; T_other_own as roughly as
