@@ -257,7 +257,7 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
 }
 
 void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
-  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 128}, "of 128");
+  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 64}, "of 64");
   v.number("match_ratio", c.matching.ratio, {0.01, 1}, "best to second best distance");
   v.number("verify_inlier_px", c.verification.inlier_px, {0.01, 100}, "[px] reprojection error");
   v.count("verify_min_inliers", c.verification.min_inliers, {3, 1e4}, "landmarks");
@@ -270,7 +270,7 @@ void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
   v.angle("verify_max_yaw_deg", c.verification.max_yaw, {0, 180}, "[deg] between two drones");
   v.number("guided_radius_px", c.guided.radius_px, {0.01, 100},
            "[px] about where a peer's landmark must appear");
-  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 128}, "of 128");
+  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 64}, "of 64");
   v.count("min_matches", c.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
   v.number("matching_sigma_px", c.matching_sigma_px, {0, 100},
            "[px] to which two descriptors agree on a corner");

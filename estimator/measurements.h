@@ -74,13 +74,14 @@ struct Odometry {
 // ----------------------------------------------------------------------------- between drones
 
 using BinaryDescriptor = std::array<std::uint8_t, 32>;  // ORB, 256 bits
-// Its first half: ORB's tests are sorted, those that tell most come first (Rublee et al. 2011).
+// Its first quarter: ORB's tests are sorted, those that tell most come first (Rublee et al. 2011).
 // With the geometry to check them, drones match by it as well as by the whole.
-using ShortDescriptor = std::array<std::uint8_t, 16>;
+using ShortDescriptor = std::array<std::uint8_t, 8>;
 
-// Grey levels about a corner, 8 x 8 of 4 bits, row by row, the first in the low half of its octet;
-// darkest 0, brightest 15. All zero: none.
-using LandmarkPatch = std::array<std::uint8_t, 32>;
+// What a corner looks like: 24 coefficients of 4 bits, two's complement, of the cosine transform of
+// 8 x 8 grey levels (frontend/landmark_patch.h), the first in the low half of its octet. All zero:
+// none.
+using LandmarkPatch = std::array<std::uint8_t, 12>;
 
 // How far away a tracked corner is, seen from the newest image.
 struct TrackDepth {

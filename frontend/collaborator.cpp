@@ -79,9 +79,9 @@ std::vector<PeerLandmark> usable_landmarks(const std::vector<PeerLandmark>& land
 }
 
 ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
-  ShortDescriptor half{};
-  std::copy_n(descriptor.begin(), half.size(), half.begin());
-  return half;
+  ShortDescriptor first{};
+  std::copy_n(descriptor.begin(), first.size(), first.begin());
+  return first;
 }
 
 std::vector<BinaryDescriptor> descriptors_of(const std::vector<KeyframeFeature>& features) {

@@ -68,7 +68,7 @@ struct CollaboratorConfig {
   double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
   AnswerLimiter::Config limiter;  // of the compact exchange
   int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 45;         // of an answer; all, if the exchange is not compact
+  int max_landmarks = 95;         // of an answer; all, if the exchange is not compact
   double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
                                     // neither sent nor accepted
   // Matching.

@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <tuple>
 #include <vector>
 
 #include "estimator/measurements.h"
@@ -15,8 +16,7 @@ namespace covey {
 
 // 1200 bytes: the advert fits into one packet.
 inline constexpr std::size_t kCompactCorners = 150;
-// Of each descriptor: ORB's tests are sorted, those that tell most come first (Rublee et al. 2011).
-inline constexpr std::size_t kCompactBytes = 8;
+inline constexpr std::size_t kCompactBytes = std::tuple_size_v<ShortDescriptor>;
 
 // The first kCompactCorners descriptors, shortened, one after the other.
 [[nodiscard]] std::vector<std::uint8_t> describe_compact(

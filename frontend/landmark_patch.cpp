@@ -3,9 +3,12 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
 
 #include "frontend/patch_alignment.h"
 
@@ -15,15 +18,14 @@ namespace {
 constexpr int kSide = 8;   // samples of a patch
 constexpr int kInner = 6;  // of those that have neighbours on all sides
 constexpr int kArea = kInner * kInner;
-constexpr float kLevels = 15;       // of grey
+constexpr float kContrast = 15;     // of a decoded patch, brightest to darkest
 constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;
-constexpr std::size_t kSamples = 64;  // of a patch, two in an octet
-static_assert(2 * std::tuple_size_v<LandmarkPatch> == kSamples);
-static_assert(kSamples / kSide == kSide);
+constexpr std::size_t kCoefficients = 2 * std::tuple_size_v<LandmarkPatch>;
+constexpr float kLargest = 7;  // of a coefficient, 4 bits with a sign
 
-using Samples = Eigen::Matrix<float, kSide, kSide>;
+using Samples = Eigen::Matrix<float, kSide, kSide, Eigen::RowMajor>;
 using Column = Eigen::Matrix<float, kArea, 1>;
 using Gradient = Eigen::Matrix<float, kArea, 2>;
 
@@ -49,13 +51,59 @@ Eigen::Matrix<float, Side, Side> sample(const cv::Mat& image, const PatchPlace& 
   return samples;
 }
 
-Samples decode(const LandmarkPatch& patch) {
-  Samples samples;
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const std::uint8_t two = patch[static_cast<std::size_t>(i / 2)];
-    samples(i / kSide, i % kSide) = static_cast<float>(i % 2 == 0 ? two & 15 : two >> 4);
+struct Wave {
+  int vertical = 0, horizontal = 0;  // half periods in the patch
+};
+
+// The longest waves, without the mean: what aligns a patch best is in them.
+std::array<Wave, kCoefficients> longest_waves() {
+  std::vector<Wave> waves;
+  for (int i = 1; i < kSide * kSide; ++i) waves.push_back({i / kSide, i % kSide});
+  const auto length = [](const Wave& w) {
+    return w.vertical * w.vertical + w.horizontal * w.horizontal;
+  };
+  std::stable_sort(waves.begin(), waves.end(),
+                   [&](const Wave& a, const Wave& b) { return length(a) < length(b); });
+  std::array<Wave, kCoefficients> longest{};
+  std::copy_n(waves.begin(), longest.size(), longest.begin());
+  return longest;
+}
+
+const std::array<Wave, kCoefficients>& waves() {
+  static const std::array<Wave, kCoefficients> longest = longest_waves();
+  return longest;
+}
+
+LandmarkPatch encode(const Samples& samples) {
+  cv::Matx<float, kSide, kSide> spectrum;
+  cv::dct(cv::Matx<float, kSide, kSide>(samples.data()), spectrum);
+  float largest = 0;
+  for (const Wave& w : waves()) {
+    largest = std::max(largest, std::abs(spectrum(w.vertical, w.horizontal)));
   }
-  return samples;
+  LandmarkPatch patch{};
+  if (!(largest > 0)) return patch;
+  for (std::size_t i = 0; i < kCoefficients; ++i) {
+    const Wave w = waves()[i];
+    const auto level = std::lround(kLargest / largest * spectrum(w.vertical, w.horizontal));
+    const unsigned nibble = static_cast<unsigned>(level) & 15U;
+    patch[i / 2] |= static_cast<std::uint8_t>(i % 2 == 0 ? nibble : nibble << 4U);
+  }
+  return patch;
+}
+
+// Gain and offset are lost; the contrast is kContrast.
+Samples decode(const LandmarkPatch& patch) {
+  cv::Matx<float, kSide, kSide> spectrum, grey;
+  for (std::size_t i = 0; i < kCoefficients; ++i) {
+    const int nibble = i % 2 == 0 ? patch[i / 2] & 15 : patch[i / 2] >> 4;
+    const Wave w = waves()[i];
+    spectrum(w.vertical, w.horizontal) = static_cast<float>(nibble < 8 ? nibble : nibble - 16);
+  }
+  cv::idct(spectrum, grey);
+  const Eigen::Map<const Samples> samples(grey.val);
+  const float contrast = samples.maxCoeff() - samples.minCoeff();
+  return contrast > 0 ? Samples(samples * (kContrast / contrast)) : Samples::Zero();
 }
 
 // What the steps of an alignment need of a patch: zero-mean grey and steepest descent, blind to
@@ -125,16 +173,8 @@ std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
   grid.affine *= spacing;
   if (!inside(image, grid, 0.5 * kSide)) return std::nullopt;
   const Samples samples = sample<kSide>(image, grid);
-  const float darkest = samples.minCoeff(), contrast = samples.maxCoeff() - darkest;
-  if (contrast < kMinContrast) return std::nullopt;
-  LandmarkPatch patch{};
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const float share = (samples(i / kSide, i % kSide) - darkest) / contrast;
-    const auto level = static_cast<unsigned>(std::lround(kLevels * share));
-    patch[static_cast<std::size_t>(i / 2)] |=
-        static_cast<std::uint8_t>(i % 2 == 0 ? level : level << 4U);
-  }
-  return patch;
+  if (samples.maxCoeff() - samples.minCoeff() < kMinContrast) return std::nullopt;
+  return encode(samples);
 }
 
 std::optional<Eigen::Vector2d> find_landmark_patch(const ImagePyramid& image,

@@ -18,7 +18,7 @@
 namespace covey {
 
 struct MatchingConfig {
-  int max_distance_bits = 40;  // of 128
+  int max_distance_bits = 20;  // of 64
   double ratio = 0.9;          // best distance to second best, in both directions
 };
 
@@ -93,7 +93,7 @@ struct PeerPoint {
 
 struct GuidedConfig {
   double radius_px = 2.0;      // about where the peer's landmark must appear
-  int max_distance_bits = 50;  // of 128
+  int max_distance_bits = 25;  // of 64
 };
 
 // Once the offset is known a corner's place tells more than its descriptor: mutual best matches

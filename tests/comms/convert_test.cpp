@@ -129,11 +129,11 @@ TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   EXPECT_EQ(encode(samples::advert()).size(), 2096u);
   const std::size_t with_40 = encode(samples::keyframe("uav1", "uav0", 40)).size();
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();
-  EXPECT_EQ(with_80 - with_40, 40u * 55u);
-  EXPECT_LT(with_40, 2600u);  // two packets
+  EXPECT_EQ(with_80 - with_40, 40u * 27u);
+  EXPECT_LT(with_40, 1450u);
   PeerKeyframe without_patches = samples::keyframe("uav1", "uav0", 40);
   without_patches.patch_spacing = 0;
-  EXPECT_EQ(encode(without_patches).size() + 40u * 32u, with_40);
+  EXPECT_EQ(encode(without_patches).size() + 40u * 12u, with_40);
   // The paper's filter of about 150 states: 190.7 kB, most of it 180 kB of covariance.
   FullPeerKeyframe full = samples::full_keyframe();
   full.filter = samples::filter(10, 25);

@@ -135,11 +135,11 @@ TEST(HostileBytes, SequencesBeyondTheirBoundsAreRejected) {
   EXPECT_EQ(reason(decode_place_advert(serialize(long_request))), "place descriptor too long");
 
   wire::MessageUAV long_message = message();
-  long_message.descriptors().resize(16 * 257);
+  long_message.descriptors().resize(8 * 257);
   long_message.bearings().resize(2 * 257);
   long_message.inverse_depths().resize(257, long_message.inverse_depths().front());
   long_message.depth_sigmas().resize(257, long_message.depth_sigmas().front());
-  long_message.patches().resize(32 * 257);
+  long_message.patches().resize(12 * 257);
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(long_message))), "too many landmarks");
 
   wire::AgentStatus crowded =
