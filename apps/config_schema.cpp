@@ -12,6 +12,8 @@ void visit_agent(AgentSettings& agent, ConfigVisitor& v) {
   v.text("name", agent.name, "unique in the team");
   v.text("dataset", agent.dataset, "folder that holds cam0 and imu0");
   v.text("out", agent.out, "folder for the drone's files");
+  v.text("vocabulary", agent.vocabulary,
+         "words of places: visual, thermal or a file; empty: what suits the camera");
   v.option("mode", agent.mode, {"collaborative", "solo"}, "solo: no link at all");
   v.option("pace", agent.pace, {"max", "lockstep", "rate"},
            "as fast as possible, as a team says, or by the clock");

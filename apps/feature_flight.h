@@ -50,6 +50,7 @@ class FeatureFlight {
   [[nodiscard]] FlownImage next();
   // Fused in the filter itself; only for comparison, see DriftFilter.
   PeerReport fuse(const KeyframeMatch& match) { return estimator_.add_peer(match); }
+  [[nodiscard]] FilterSnapshot snapshot() const { return estimator_.snapshot(); }
 
  private:
   void feed_imu(TimeNs until_ns);

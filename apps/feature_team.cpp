@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "apps/central_filter.h"
 #include "apps/process_usage.h"
 #include "estimator/relative_pose.h"
 
@@ -24,6 +25,67 @@ void fuse(DriftFilter& drift, const std::string& own_name, const KeyframeMatch& 
   const bool of_peer = match.drone != own_name;
   if (outcome == DriftOutcome::kUsed && of_peer) member.peers.insert(match.drone);
 }
+
+CentralStart take_over(const FilterSnapshot& filter, const CameraExtrinsics& extrinsics) {
+  const Eigen::VectorXd& x = filter.state;
+  CentralStart start;
+  start.imu.stamp_ns = filter.stamp_ns;
+  start.imu.pose.p_world_imu = x.head<3>();
+  start.imu.v_world_imu = x.segment<3>(3);
+  start.imu.pose.q_world_imu = Eigen::Quaterniond(Eigen::Vector4d(x.segment<4>(6)));
+  start.imu.gyro_bias = x.segment<3>(10);
+  start.imu.accel_bias = x.segment<3>(13);
+  start.covariance = filter.covariance.topLeftCorner<State::kImuSize, State::kImuSize>();
+  start.extrinsics = extrinsics;
+  return start;
+}
+
+// Some of the drones in one central filter.
+class CentralFlight {
+ public:
+  CentralFlight(const FeatureSimulation& simulation, std::vector<std::size_t> drones,
+                const CentralConfig& config, const std::vector<CentralStart>& starts)
+      : simulation_(simulation),
+        drones_(std::move(drones)),
+        filter_(config, starts),
+        next_imu_(drones_.size()) {}
+
+  void fly(std::size_t image, std::vector<TeamMember>& members) {
+    constexpr TimeNs kBeyondImage_ns = 40'000'000;
+    std::vector<CentralFilter::Image> images;
+    for (std::size_t i = 0; i < drones_.size(); ++i) {
+      const DroneFeatures& drone = simulation_.drones[drones_[i]];
+      feed_imu(i, drone.camera[image].stamp_ns + kBeyondImage_ns);
+      images.push_back(image_of(drone, image));
+    }
+    filter_.add_images(images);
+    for (std::size_t i = 0; i < drones_.size(); ++i) {
+      const DroneFeatures& drone = simulation_.drones[drones_[i]];
+      record(members[drones_[i]], filter_.odometry(i), drone.truth[image].state.pose);
+    }
+  }
+
+ private:
+  void feed_imu(std::size_t i, TimeNs until_ns) {
+    const std::vector<ImuSample>& imu = simulation_.drones[drones_[i]].imu;
+    while (next_imu_[i] < imu.size() && imu[next_imu_[i]].stamp_ns <= until_ns) {
+      filter_.add_imu(i, imu[next_imu_[i]++]);
+    }
+  }
+
+  static CentralFilter::Image image_of(const DroneFeatures& drone, std::size_t k) {
+    CentralFilter::Image image{drone.camera[k], {}};
+    for (const TrackObservation& track : image.camera.tracks) {
+      image.landmarks.push_back(drone.landmark_of_track.at(track.track_id));
+    }
+    return image;
+  }
+
+  const FeatureSimulation& simulation_;
+  std::vector<std::size_t> drones_;
+  CentralFilter filter_;
+  std::vector<std::size_t> next_imu_;
+};
 
 }  // namespace
 
@@ -108,6 +170,33 @@ std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation
     }
   }
   for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
+  return members;
+}
+
+std::vector<TeamMember> fuse_centrally(const FeatureSimulation& simulation,
+                                       const EstimatorConfig& config, const KeyframeRule& rule,
+                                       std::uint64_t seed,
+                                       const std::vector<std::vector<std::size_t>>& groups,
+                                       double own_start_s) {
+  const std::vector<CameraMeasurement>& stamps = simulation.drones.front().camera;
+  const TimeNs takeover_ns = stamps.front().stamp_ns + nanoseconds(own_start_s);
+  std::vector<TeamMember> members(simulation.drones.size());
+  CentralConfig central;
+  central.estimator = config;
+  for (const std::vector<std::size_t>& group : groups) {
+    std::vector<CentralStart> starts;
+    std::size_t k = 0;
+    for (const std::size_t i : group) {
+      FeatureFlight flight(simulation.drones[i], config, rule, seed * 100 + i);
+      for (k = 0; k < stamps.size() && stamps[k].stamp_ns <= takeover_ns; ++k) {
+        const FlownImage image = flight.next();
+        record(members[i], image.alone, image.truth);
+      }
+      starts.push_back(take_over(flight.snapshot(), simulation.drones[i].extrinsics));
+    }
+    CentralFlight flight(simulation, group, central, starts);
+    for (; k < stamps.size(); ++k) flight.fly(k, members);
+  }
   return members;
 }
 

@@ -47,4 +47,10 @@ struct TeamMember {
                                                            std::uint64_t seed,
                                                            FeatureExchange exchange);
 
+// The ceiling: from `own_start_s` on, when every drone's own filter has found its scale, one
+// central filter takes over all drones of a group (CentralFilter). Each drone in one group.
+[[nodiscard]] std::vector<TeamMember> fuse_centrally(
+    const FeatureSimulation& simulation, const EstimatorConfig& config, const KeyframeRule& rule,
+    std::uint64_t seed, const std::vector<std::vector<std::size_t>>& groups, double own_start_s);
+
 }  // namespace covey

@@ -7,10 +7,9 @@
 #include "apps/camera_pose.h"
 #include "apps/grey_image.h"
 #include "apps/process_usage.h"
+#include "apps/vocabulary_file.h"
 #include "estimator/relative_pose.h"
 #include "estimator/so3.h"
-#include "frontend/vocabulary_thermal.h"
-#include "frontend/vocabulary_visual.h"
 
 namespace covey {
 namespace {
@@ -87,9 +86,10 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                          cv::Size(sensors.camera.width, sensors.camera.height));
   }
   if (config.agent.mode == FlightMode::kCollaborative) {
+    const std::string& vocabulary = config.agent.vocabulary;
+    const std::string suits = sensors.thermal ? "thermal" : "visual";
     collaborator_.emplace(collaborator_config(config),
-                          sensors.thermal ? thermal_vocabulary() : visual_vocabulary(),
-                          sensors.camera);
+                          load_vocabulary(vocabulary.empty() ? suits : vocabulary), sensors.camera);
     if (config.fusion.mode == FusionMode::kJoint) {
       drift_.emplace(config.fusion.drift, config.agent.name);
     }

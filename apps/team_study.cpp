@@ -2,6 +2,7 @@
 #include "apps/team_study.h"
 
 #include <functional>
+#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -93,6 +94,25 @@ std::vector<TeamMember> fuse_unlimited(const SimulatedTeam& team) {
   return fuse(team, exchange);
 }
 
+std::vector<std::size_t> all_of(const SimulatedTeam& team) {
+  std::vector<std::size_t> drones(team.solo.names.size());
+  std::iota(drones.begin(), drones.end(), 0);
+  return drones;
+}
+
+std::vector<std::vector<std::size_t>> each_by_itself(const SimulatedTeam& team) {
+  std::vector<std::vector<std::size_t>> groups;
+  for (const std::size_t drone : all_of(team)) groups.push_back({drone});
+  return groups;
+}
+
+std::vector<TeamMember> fuse_centrally(const SimulatedTeam& team,
+                                       const std::vector<std::vector<std::size_t>>& groups) {
+  constexpr double kOwnStart_s = 2;
+  return fuse_centrally(team.simulation, team.estimator, team.exchange.limits.keyframe,
+                        team.exchange.seed, groups, kOwnStart_s);
+}
+
 std::vector<Variant> variants() {
   return {
       {"alone", [](const SimulatedTeam& team) { return alone(team.solo); }},
@@ -112,6 +132,10 @@ std::vector<Variant> variants() {
                                      FeatureExchange(team.exchange, team.solo.names));
        }},
       {"joint, unlimited answers, corners coincide", fuse_unlimited},
+      {"the central filter, each drone by itself",
+       [](const SimulatedTeam& team) { return fuse_centrally(team, each_by_itself(team)); }},
+      {"oracle: the central filter, all drones",
+       [](const SimulatedTeam& team) { return fuse_centrally(team, {all_of(team)}); }},
   };
 }
 

@@ -4,53 +4,13 @@
 #include <algorithm>
 #include <cassert>
 
+#include "estimator/imu_transition.h"
 #include "estimator/so3.h"
 
 namespace covey {
 namespace {
 
 constexpr int kSpareClones = 2;  // the present image and the last one that was no keyframe
-
-// d(state at the end)/d(state at the start) over one increment, first estimates at both ends, so
-// that chained transitions keep the unobservable directions (Li and Mourikis, IJRR 2013, eq. 44).
-Eigen::Matrix<double, State::kImuSize, State::kImuSize> transition(const ImuIncrement& increment,
-                                                                   const ImuState& first,
-                                                                   const ImuState& end,
-                                                                   const Eigen::Vector3d& g) {
-  const double dt = increment.duration_s;
-  const Eigen::Matrix3d R = first.pose.q_world_imu.toRotationMatrix();
-  const Eigen::Vector3d dv = end.v_world_imu - first.v_world_imu - g * dt;
-  const Eigen::Vector3d dp =
-      end.pose.p_world_imu - first.pose.p_world_imu - first.v_world_imu * dt - 0.5 * g * dt * dt;
-  Eigen::Matrix<double, State::kImuSize, State::kImuSize> F;
-  F.setIdentity();
-  F.block<3, 3>(0, 3) = dt * Eigen::Matrix3d::Identity();
-  F.block<3, 3>(0, 6) = -skew(dp) * R;
-  F.block<3, 3>(0, 9) = R * increment.J_position_gyro_bias;
-  F.block<3, 3>(0, 12) = R * increment.J_position_accel_bias;
-  F.block<3, 3>(3, 6) = -skew(dv) * R;
-  F.block<3, 3>(3, 9) = R * increment.J_velocity_gyro_bias;
-  F.block<3, 3>(3, 12) = R * increment.J_velocity_accel_bias;
-  F.block<3, 3>(6, 6) = end.pose.q_world_imu.toRotationMatrix().transpose() * R;
-  F.block<3, 3>(6, 9) = increment.J_rotation_gyro_bias;
-  return F;
-}
-
-Eigen::Matrix<double, State::kImuSize, State::kImuSize> process_noise(const ImuIncrement& increment,
-                                                                      const Eigen::Matrix3d& R,
-                                                                      const ImuNoise& noise) {
-  Eigen::Matrix<double, State::kImuSize, State::kImuSize> Q;
-  Q.setZero();
-  Eigen::Matrix<double, 9, 9> G = Eigen::Matrix<double, 9, 9>::Identity();
-  G.block<3, 3>(0, 0) = R;
-  G.block<3, 3>(3, 3) = R;
-  Q.topLeftCorner<9, 9>() = G * increment.covariance * G.transpose();
-  const double dt = increment.duration_s;
-  Q.block<3, 3>(9, 9).diagonal().setConstant(noise.gyro_random_walk * noise.gyro_random_walk * dt);
-  Q.block<3, 3>(12, 12).diagonal().setConstant(noise.accel_random_walk * noise.accel_random_walk *
-                                               dt);
-  return Q;
-}
 
 void rotate_locally(Eigen::Quaterniond& q, const Eigen::Vector3d& dtheta) {
   q = (q * exp_quaternion(dtheta)).normalized();
@@ -105,19 +65,13 @@ int State::find_landmark(std::uint64_t track_id) const {
 void State::propagate(const ImuIncrement& increment, TimeNs stamp_ns, double gravity,
                       const ImuNoise& noise) {
   const Eigen::Vector3d g(0, 0, -gravity);
-  const double dt = increment.duration_s;
-  const Eigen::Matrix3d R = imu_.pose.q_world_imu.toRotationMatrix();
-  ImuState end = imu_;
-  end.stamp_ns = stamp_ns;
-  end.pose.p_world_imu += imu_.v_world_imu * dt + 0.5 * g * dt * dt + R * increment.position;
-  end.v_world_imu += g * dt + R * increment.velocity;
-  end.pose.q_world_imu = (imu_.pose.q_world_imu * increment.rotation).normalized();
-
+  const ImuState end = carried_over(imu_, increment, stamp_ns, g);
   const auto F = transition(increment, imu_first_, end, g);
   const int rest = dimension_ - kImuSize;
   const Eigen::Matrix<double, kImuSize, kImuSize> P_imu = P_.topLeftCorner<kImuSize, kImuSize>();
   P_.topLeftCorner<kImuSize, kImuSize>() =
-      F * P_imu * F.transpose() + process_noise(increment, R, noise);
+      F * P_imu * F.transpose() +
+      process_noise(increment, imu_.pose.q_world_imu.toRotationMatrix(), noise);
   if (rest > 0) {
     P_.block(0, kImuSize, kImuSize, rest) = (F * P_.block(0, kImuSize, kImuSize, rest)).eval();
     P_.block(kImuSize, 0, rest, kImuSize) = P_.block(0, kImuSize, kImuSize, rest).transpose();

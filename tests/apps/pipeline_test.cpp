@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <stdexcept>
+#include <string>
 
 #include "apps/dataset.h"
 #include "apps/grey_image.h"
@@ -241,6 +242,25 @@ TEST(Pipeline, InTheNaiveExchangeEveryImageIsToldToAllWithItsFilter) {
   }
   EXPECT_GT(told, 15);
   EXPECT_GT(one.pipeline().collaboration()->matched, 0);
+}
+
+std::string complaint_about(const std::string& vocabulary) {
+  AgentConfig config;
+  config.agent.name = "uav0";
+  config.agent.vocabulary = vocabulary;
+  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  try {
+    const Pipeline pipeline(config, {dataset.camera, dataset.extrinsics, dataset.imu_noise},
+                            dataset.ground_truth);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Pipeline, TakesTheVocabularyThatItIsTold) {
+  EXPECT_EQ(complaint_about("thermal"), "");
+  EXPECT_THAT(complaint_about("no/such/words.txt"), ::testing::HasSubstr("no/such/words.txt"));
 }
 
 TEST(Pipeline, AHostileMessageIsRejected) {

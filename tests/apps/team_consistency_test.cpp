@@ -208,5 +208,48 @@ TEST(TeamConsistency, TheSameAnswerAHundredTimesSaysNoMoreThanTwice) {
   EXPECT_GE(often, (1 - 1e-9) * variance_after(team, *answer, 2));
 }
 
+// What the central filter gains is only a ceiling if it is honest itself.
+TEST(TeamConsistency, TheCentralFilterIsConsistentAndBetterThanItsDronesByThemselves) {
+  constexpr double kOwnStart_s = 2;
+  FeatureScenario scenario;
+  scenario.flight.scenario = Scenario::kCastleParallel;
+  scenario.flight.agents = 2;
+  scenario.flight.duration_s = 5;
+  scenario.camera.first_image_s = 0.1023;
+  EstimatorConfig config;
+  config.imu_noise = scenario.imu.noise;
+  const KeyframeRule rule = CollaboratorConfig{}.keyframe;
+  constexpr int kFlights = kEnoughForStatistics ? 6 : 1;
+  std::vector<Others> apart(kFlights), joined(kFlights);
+  const auto add = [](Others& sum, const std::vector<TeamMember>& members) {
+    for (const TeamMember& member : members) {
+      const PathFigures figures = figures_of(member.path);
+      sum.aligned_m += figures.aligned_m;
+      sum.position_nees += figures.position_nees / kDegreesOfFreedom;
+      sum.orientation_nees += figures.orientation_nees / kDegreesOfFreedom;
+    }
+  };
+  for_seeds(kFlights, [&](int seed) {
+    const auto s = static_cast<std::uint64_t>(seed);
+    const FeatureSimulation simulation = simulate_features(scenario, s);
+    const auto at = static_cast<std::size_t>(seed) - 1;
+    add(apart[at], fuse_centrally(simulation, config, rule, s, {{0}, {1}}, kOwnStart_s));
+    add(joined[at], fuse_centrally(simulation, config, rule, s, {{0, 1}}, kOwnStart_s));
+  });
+  double error_apart = 0, error_joined = 0, position_nees = 0, orientation_nees = 0;
+  for (std::size_t i = 0; i < apart.size(); ++i) {
+    error_apart += apart[i].aligned_m;
+    error_joined += joined[i].aligned_m;
+    position_nees += joined[i].position_nees / (2 * kFlights);
+    orientation_nees += joined[i].orientation_nees / (2 * kFlights);
+  }
+  if (!kEnoughForStatistics) return;
+  EXPECT_LT(error_joined, 0.95 * error_apart);
+  EXPECT_GT(position_nees, 0.3);
+  EXPECT_LT(position_nees, 1.6);
+  EXPECT_GT(orientation_nees, 0.3);
+  EXPECT_LT(orientation_nees, 1.6);
+}
+
 }  // namespace
 }  // namespace covey
