@@ -17,7 +17,7 @@ namespace {
 
 struct Options {
   std::string config_file, name, dataset, out, thermal;
-  int control_fd = -1;
+  int control_fd = -1, team_of = 0;
   bool print_config = false, describe_config = false;
 };
 
@@ -27,6 +27,7 @@ AgentConfig configuration(const Options& options) {
   if (!options.name.empty()) config.agent.name = options.name;
   if (!options.dataset.empty()) config.agent.dataset = options.dataset;
   if (!options.out.empty()) config.agent.out = options.out;
+  if (options.team_of > 0) config.agent.wait_for_peers = options.team_of - 1;
   if (options.thermal == "raw") config.thermal.mode = ThermalMode::kRaw;
   if (options.thermal == "calibrated") config.thermal.mode = ThermalMode::kCalibrated;
   return config;
@@ -75,6 +76,10 @@ void add_agent_command(CLI::App& covey) {
   command->add_option("--name", options->name, "Instead of agent.name");
   command->add_option("--dataset", options->dataset, "Instead of agent.dataset")->type_name("MAV0");
   command->add_option("--out", options->out, "Instead of agent.out")->type_name("DIR");
+  command
+      ->add_option("--team-of", options->team_of,
+                   "Drones in the team, this one included: waits for the others")
+      ->check(CLI::Range(1, 200));
   command->add_option("--thermal", options->thermal, "Instead of thermal.mode")
       ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_flag("--print-config", options->print_config, "Print every setting as JSON");
