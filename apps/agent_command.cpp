@@ -10,6 +10,7 @@
 #include <string>
 
 #include "apps/agent.h"
+#include "apps/collected_run.h"
 #include "apps/stop_signal.h"
 
 namespace covey {
@@ -18,7 +19,7 @@ namespace {
 struct Options {
   std::string config_file, name, dataset, out, thermal;
   int control_fd = -1, team_of = 0;
-  bool print_config = false, describe_config = false;
+  bool print_config = false, describe_config = false, is_flying = false;
 };
 
 AgentConfig configuration(const Options& options) {
@@ -52,8 +53,16 @@ void fly(const Options& options) {
                            config.agent.out);
 }
 
+void require_flying(const std::string& folder) {
+  constexpr double kMaxSilence_s = 10;
+  if (silent_for_s(folder) > kMaxSilence_s)
+    throw std::runtime_error(folder + ": its drone has not written its status for 10 s");
+}
+
 void run(const Options& options) {
-  if (options.describe_config) {
+  if (options.is_flying) {
+    require_flying(options.out);
+  } else if (options.describe_config) {
     std::printf("%s", describe_config().c_str());
   } else if (options.print_config) {
     std::printf("%s", print_config(configuration(options)).c_str());
@@ -85,6 +94,8 @@ void add_agent_command(CLI::App& covey) {
   command->add_flag("--print-config", options->print_config, "Print every setting as JSON");
   command->add_flag("--describe-config", options->describe_config,
                     "Print every key with its default, range, meaning and unit");
+  command->add_flag("--is-flying", options->is_flying,
+                    "Flies nothing: fails if the drone that writes to --out has gone silent");
   command->add_option("--control-fd", options->control_fd, "Descriptor on which a team commands")
       ->group("");
   command->callback([options] { run(*options); });

@@ -27,14 +27,6 @@ std::vector<DroneFolder> drones_that_flew(const CollectedRun& collected) {
 
 bool has_summary(const fs::path& folder) { return fs::exists(folder / kAgentSummaryFile); }
 
-double silent_for_s(const fs::path& folder) {
-  const fs::path status = folder / kAgentStatusFile;
-  std::error_code error;
-  const auto last = fs::last_write_time(fs::exists(status) ? status : folder, error);
-  if (error) return 0;
-  return std::chrono::duration<double>(fs::file_time_type::clock::now() - last).count();
-}
-
 bool all_have_ended(const CollectedRun& collected, double silence_s) {
   const std::vector<DroneFolder> drones = drones_that_flew(collected);
   return !drones.empty() && std::all_of(drones.begin(), drones.end(), [&](const auto& drone) {
@@ -44,6 +36,14 @@ bool all_have_ended(const CollectedRun& collected, double silence_s) {
 }
 
 }  // namespace
+
+double silent_for_s(const fs::path& folder) {
+  const fs::path status = folder / kAgentStatusFile;
+  std::error_code error;
+  const auto last = fs::last_write_time(fs::exists(status) ? status : folder, error);
+  if (error) throw std::runtime_error(folder.string() + ": no drone has been here");
+  return std::chrono::duration<double>(fs::file_time_type::clock::now() - last).count();
+}
 
 void wait_for_end(const CollectedRun& collected, double silence_s) {
   constexpr std::chrono::milliseconds kPoll{200};

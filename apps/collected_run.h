@@ -17,6 +17,9 @@ struct CollectedRun {
   std::string config_file;        // what they were set to; empty: the defaults
 };
 
+// Since the drone that writes to `folder` last said that it flies.
+[[nodiscard]] double silent_for_s(const std::filesystem::path& folder);
+
 // Returns once at least one drone is there and all that are have ended: they have written their
 // summary, or nothing for `silence_s`. Or when a stop was asked for.
 void wait_for_end(const CollectedRun& collected, double silence_s);

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "apps/agent.h"
@@ -80,6 +81,20 @@ TEST_F(CollectedFlight, OneThatFellSilentIsNamedInTheReport) {
   ASSERT_EQ(report("0.1"), 0) << output_;
   const RunSummary summary = read_run_summary(run() / "summary.json");
   EXPECT_EQ(summary.agents.at("uav1").incomplete, "ended without a summary");
+}
+
+TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
+  const fs::path status = folder_.write("uav0/status.json", "{}");
+  const std::vector<std::string> check = {"agent", "--is-flying", "--out",
+                                          status.parent_path().string()};
+  EXPECT_EQ(CoveyProcess(check).finish(), 0);
+  fs::last_write_time(status, fs::file_time_type::clock::now() - std::chrono::seconds(11));
+  CoveyProcess silent(check);
+  EXPECT_EQ(silent.finish(), 1);
+  EXPECT_THAT(silent.output(), HasSubstr("has not written its status for 10 s"));
+  CoveyProcess nowhere({"agent", "--is-flying", "--out", "/nowhere"});
+  EXPECT_EQ(nowhere.finish(), 1);
+  EXPECT_THAT(nowhere.output(), HasSubstr("/nowhere: no drone has been here"));
 }
 
 TEST_F(CollectedFlight, WithoutAnyDroneThereIsNothingToReport) {
