@@ -70,7 +70,8 @@ RunSummary summarize_collected(const CollectedRun& collected) {
     if (!has_summary(collected.run / drone.name))
       flight.ended_early[drone.name] = "ended without a summary";
   }
-  return summarize_team(team, flight, fs::absolute(collected.dataset).filename().string());
+  const fs::path dataset = fs::absolute(collected.dataset / "").lexically_normal();
+  return summarize_team(team, flight, dataset.parent_path().filename().string());
 }
 
 }  // namespace covey
