@@ -40,6 +40,9 @@ fs::path make_folder(const AgentSettings& agent) {
   std::error_code error;
   fs::create_directories(agent.out, error);
   if (error) throw std::runtime_error(agent.out + ": cannot be made: " + error.message());
+  // By these others see whether this flight goes on or has ended; not an earlier one.
+  for (const char* file : {kAgentSummaryFile, kAgentStatusFile})
+    fs::remove(fs::path(agent.out) / file);
   return agent.out;
 }
 
@@ -170,8 +173,23 @@ void Agent::publish(const ImageResult& result) {
   const TimeNs stamp_ns = result.timing.stamp_ns;
   if (last_status_ns_ == 0 || seconds_between(last_status_ns_, stamp_ns) >= kStatusInterval_s) {
     link_->publish(pipeline_.status());
+    write_status(stamp_ns);
     last_status_ns_ = stamp_ns;
   }
+}
+
+// For who looks at a drone from outside: a container's health check, a person.
+void Agent::write_status(TimeNs stamp_ns) const {
+  const LinkStatistics statistics = link_->statistics();
+  write_json_file(folder_ / kAgentStatusFile,
+                  {{"stamp_s", seconds_between(dataset_.images.front().stamp_ns, stamp_ns)},
+                   {"frames", frames_},
+                   {"frames_dropped", dropped_},
+                   {"peers", link_->peers()},
+                   {"fused", peer_counts_.fused},
+                   {"dropped_by_load", statistics.dropped},
+                   {"wire_bytes_sent", statistics.wire_bytes_sent},
+                   {"wire_bytes_received", statistics.wire_bytes_received}});
 }
 
 void Agent::write(ImageResult& result, double read_ms, double total_ms) {
@@ -327,6 +345,7 @@ nlohmann::json Agent::exchange_details() const {
   const LinkStatistics statistics = link_->statistics();
   details["rejected_by_link"] = statistics.rejected;
   details["refused_by_link"] = statistics.refused;
+  details["dropped_by_load"] = statistics.dropped;
   details["inbox_dropped"] = statistics.inbox_dropped;
   details["landmarks"] = {{"fused", pipeline_.peer_landmarks().used},
                           {"gated", pipeline_.peer_landmarks().gated},

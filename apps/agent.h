@@ -27,6 +27,7 @@ namespace covey {
 // What an agent leaves beside the files of run_files.h.
 inline constexpr char kAgentConfigFile[] = "config.json";
 inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
+inline constexpr char kAgentStatusFile[] = "status.json";  // while flying, once a second
 
 // What became of the peers' messages, since the start.
 struct PeerCounts {
@@ -72,6 +73,7 @@ class Agent {
   void count(const UpdateReport& update);
   void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
+  void write_status(TimeNs stamp_ns) const;
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "apps/agent.h"
+#include "apps/collected_run.h"
 #include "apps/stop_signal.h"
 
 namespace covey {
@@ -17,8 +18,8 @@ namespace {
 
 struct Options {
   std::string config_file, name, dataset, out, thermal;
-  int control_fd = -1;
-  bool print_config = false, describe_config = false;
+  int control_fd = -1, team_of = 0;
+  bool print_config = false, describe_config = false, is_flying = false;
 };
 
 AgentConfig configuration(const Options& options) {
@@ -27,6 +28,7 @@ AgentConfig configuration(const Options& options) {
   if (!options.name.empty()) config.agent.name = options.name;
   if (!options.dataset.empty()) config.agent.dataset = options.dataset;
   if (!options.out.empty()) config.agent.out = options.out;
+  if (options.team_of > 0) config.agent.wait_for_peers = options.team_of - 1;
   if (options.thermal == "raw") config.thermal.mode = ThermalMode::kRaw;
   if (options.thermal == "calibrated") config.thermal.mode = ThermalMode::kCalibrated;
   return config;
@@ -51,8 +53,16 @@ void fly(const Options& options) {
                            config.agent.out);
 }
 
+void require_flying(const std::string& folder) {
+  constexpr double kMaxSilence_s = 10;
+  if (silent_for_s(folder) > kMaxSilence_s)
+    throw std::runtime_error(folder + ": its drone has not written its status for 10 s");
+}
+
 void run(const Options& options) {
-  if (options.describe_config) {
+  if (options.is_flying) {
+    require_flying(options.out);
+  } else if (options.describe_config) {
     std::printf("%s", describe_config().c_str());
   } else if (options.print_config) {
     std::printf("%s", print_config(configuration(options)).c_str());
@@ -75,11 +85,17 @@ void add_agent_command(CLI::App& covey) {
   command->add_option("--name", options->name, "Instead of agent.name");
   command->add_option("--dataset", options->dataset, "Instead of agent.dataset")->type_name("MAV0");
   command->add_option("--out", options->out, "Instead of agent.out")->type_name("DIR");
+  command
+      ->add_option("--team-of", options->team_of,
+                   "Drones in the team, this one included: waits for the others")
+      ->check(CLI::Range(1, 200));
   command->add_option("--thermal", options->thermal, "Instead of thermal.mode")
       ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_flag("--print-config", options->print_config, "Print every setting as JSON");
   command->add_flag("--describe-config", options->describe_config,
                     "Print every key with its default, range, meaning and unit");
+  command->add_flag("--is-flying", options->is_flying,
+                    "Flies nothing: fails if the drone that writes to --out has gone silent");
   command->add_option("--control-fd", options->control_fd, "Descriptor on which a team commands")
       ->group("");
   command->callback([options] { run(*options); });

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <sstream>
 #include <stdexcept>
+
+#include "apps/config_json.h"
 
 namespace covey {
 namespace {
@@ -14,159 +14,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kRadiansPerDegree = M_PI / 180;
-
-std::string join(const std::vector<std::string>& words, const std::string& separator) {
-  std::string line;
-  for (const std::string& word : words) line += (line.empty() ? "" : separator) + word;
-  return line;
-}
-
-std::string range_text(Range range) {
-  std::ostringstream text;
-  text << range.min << " .. " << range.max;
-  return text.str();
-}
-
-// Sets what the file holds, and remembers which keys were asked for.
-class ConfigReader : public ConfigVisitor {
- public:
-  ConfigReader(const nlohmann::json& json, std::string file) : root_(json), file_(std::move(file)) {
-    if (!root_.is_object()) throw std::runtime_error(file_ + ": not a JSON object");
-  }
-
-  void begin_section(const std::string& name) override {
-    prefix_ = name + ".";
-    sections_.push_back(name);
-    keys_.clear();
-    const auto found = root_.find(name);
-    section_ = found == root_.end() ? nullptr : &*found;
-    if (section_ != nullptr && !section_->is_object()) {
-      throw std::runtime_error(file_ + ": '" + name + "' is not a section ({...})");
-    }
-  }
-
-  void end_section() override {
-    if (section_ != nullptr) refuse_unknown(*section_, prefix_, keys_);
-  }
-
-  void finish() const { refuse_unknown(root_, "", sections_); }
-
-  void number(const char* key, double& value, Range range, const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    if (!json->is_number()) fail(key, "is not a number", *json);
-    const double given = json->get<double>();
-    if (!(given >= range.min && given <= range.max)) {
-      fail(key, "is out of range (" + range_text(range) + ")", *json);
-    }
-    value = given;
-  }
-
-  void integer(const char* key, std::int64_t& value, Range range, const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    if (!json->is_number_integer()) fail(key, "is not a whole number", *json);
-    const double given = json->get<double>();
-    if (!(given >= range.min && given <= range.max)) {
-      fail(key, "is out of range (" + range_text(range) + ")", *json);
-    }
-    value = json->get<std::int64_t>();
-  }
-
-  void flag(const char* key, bool& value, const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    if (!json->is_boolean()) fail(key, "is neither true nor false", *json);
-    value = json->get<bool>();
-  }
-
-  void text(const char* key, std::string& value, const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    if (!json->is_string()) fail(key, "is not a text in quotes", *json);
-    value = json->get<std::string>();
-  }
-
-  void texts(const char* key, std::vector<std::string>& value, const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    if (!json->is_array()) fail(key, "is not a list of texts", *json);
-    value.clear();
-    for (const nlohmann::json& item : *json) {
-      if (!item.is_string()) fail(key, "is not a list of texts", *json);
-      value.push_back(item.get<std::string>());
-    }
-  }
-
-  void choice(const char* key, std::string& value, const std::vector<std::string>& names,
-              const char*) override {
-    const nlohmann::json* json = find(key);
-    if (json == nullptr) return;
-    for (const std::string& name : names) {
-      if (*json == name) {
-        value = name;
-        return;
-      }
-    }
-    fail(key, "is none of " + join(names, ", "), *json);
-  }
-
- private:
-  const nlohmann::json* find(const char* key) {
-    keys_.emplace_back(key);
-    if (section_ == nullptr) return nullptr;
-    const auto found = section_->find(key);
-    return found == section_->end() ? nullptr : &*found;
-  }
-
-  [[noreturn]] void fail(const char* key, const std::string& what,
-                         const nlohmann::json& value) const {
-    throw std::runtime_error(file_ + ": '" + prefix_ + key + "' " + what + ": " + value.dump());
-  }
-
-  void refuse_unknown(const nlohmann::json& object, const std::string& prefix,
-                      const std::vector<std::string>& known) const {
-    const std::set<std::string> names(known.begin(), known.end());
-    for (const auto& [key, value] : object.items()) {
-      if (names.count(key) == 0) {
-        throw std::runtime_error(file_ + ": unknown key '" + std::string(prefix).append(key) +
-                                 "' (known here: " + join(known, ", ") + ")");
-      }
-    }
-  }
-
-  const nlohmann::json& root_;
-  const nlohmann::json* section_ = nullptr;
-  std::string file_, prefix_;
-  std::vector<std::string> sections_, keys_;
-};
-
-class ConfigPrinter : public ConfigVisitor {
- public:
-  void begin_section(const std::string& name) override { section_ = &(json_[name] = Json({})); }
-  void end_section() override {}
-  void number(const char* key, double& value, Range, const char*) override {
-    (*section_)[key] = value;
-  }
-  void integer(const char* key, std::int64_t& value, Range, const char*) override {
-    (*section_)[key] = value;
-  }
-  void flag(const char* key, bool& value, const char*) override { (*section_)[key] = value; }
-  void text(const char* key, std::string& value, const char*) override { (*section_)[key] = value; }
-  void texts(const char* key, std::vector<std::string>& value, const char*) override {
-    (*section_)[key] = value;
-  }
-  void choice(const char* key, std::string& value, const std::vector<std::string>&,
-              const char*) override {
-    (*section_)[key] = value;
-  }
-
-  [[nodiscard]] std::string text() const { return json_.dump(2) + "\n"; }
-
- private:
-  Json json_ = Json::object();
-  Json* section_ = nullptr;
-};
 
 class ConfigDescriber : public ConfigVisitor {
  public:
@@ -190,6 +37,11 @@ class ConfigDescriber : public ConfigVisitor {
   void choice(const char* key, std::string& value, const std::vector<std::string>& names,
               const char* meaning) override {
     line(key, Json(value).dump(), join(names, " | "), meaning);
+  }
+
+  void values(const char* key, std::map<std::string, std::string>& value,
+              const char* meaning) override {
+    line(key, value.empty() ? "{}" : "{...}", "values by key", meaning);
   }
 
   [[nodiscard]] const std::string& text() const { return text_; }
@@ -221,9 +73,8 @@ void ConfigVisitor::angle(const char* key_deg, double& radians, Range degrees,
 
 void merge_config(const nlohmann::json& json, const std::string& file, AgentConfig& config) {
   AgentConfig merged = config;
-  ConfigReader reader(json, file);
-  visit_config(merged, reader);
-  reader.finish();
+  set_from_json(json, file, [&](ConfigVisitor& visitor) { visit_config(merged, visitor); });
+  merged.link.profile = read_profile(merged.link_profile, file + ": link");
   config = merged;
 }
 
@@ -245,9 +96,8 @@ AgentConfig read_config(const std::filesystem::path& file) {
 
 std::string print_config(const AgentConfig& config) {
   AgentConfig copy = config;
-  ConfigPrinter printer;
-  visit_config(copy, printer);
-  return printer.text();
+  const auto json = to_ordered_json([&](ConfigVisitor& visitor) { visit_config(copy, visitor); });
+  return json.dump(2) + "\n";
 }
 
 std::string describe_config() {

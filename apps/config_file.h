@@ -11,6 +11,7 @@
 #include <string>
 
 #include "apps/config_visitor.h"
+#include "apps/link_profiles.h"
 #include "comms/peer_link.h"
 #include "estimator/config.h"
 #include "estimator/drift_filter.h"
@@ -92,7 +93,8 @@ struct AgentConfig {
   EstimatorConfig estimator;  // imu_noise and extrinsics are the dataset's, from sensor.yaml
   CollaboratorConfig collaboration;
   FusionConfig fusion;
-  LinkConfig link;
+  LinkConfig link;  // its profile is the one that is chosen here:
+  ProfileChoice link_profile;
 };
 
 // Shows every key of `config` to `visitor` (config_schema.cpp).

@@ -304,12 +304,20 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
 void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.text("team", link.team, "teams do not hear each other");
   v.count("domain", link.domain, {0, 200}, "DDS domain");
-  v.option("profile", link.profile, {"radio", "lockstep"}, "lossy link, or nothing is lost");
   v.count("max_agents", link.max_agents, {1, 200}, "in a team");
   v.flag("loopback_only", link.loopback_only, "nothing leaves this machine");
   v.texts("interfaces", link.interfaces, "own IPv4 addresses to use; empty: all");
-  v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones; empty: multicast");
+  v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones");
+  v.text("discovery_server", link.discovery_server,
+         "IPv4:PORT of one, for discovery.mode server of a profile");
   v.count("inbox_limit", link.inbox_limit, {1, 1e6}, "messages not yet taken");
+}
+
+void visit_profile_choice(ProfileChoice& choice, ConfigVisitor& v) {
+  v.text("profile", choice.name, "how the link behaves on its radio; covey qos lists them");
+  v.text("profiles_file", choice.file, "own profiles, instead of those of the program");
+  v.values("override", choice.overrides,
+           "single values of the profile, such as \"message.heartbeat_ms\": 80");
 }
 
 }  // namespace
@@ -329,7 +337,10 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
           visit_standing_still);
   section("collaboration", config.collaboration, visit_collaboration, visit_matching);
   section("fusion", config.fusion, visit_fusion);
-  section("link", config.link, visit_link);
+  visitor.begin_section("link");
+  visit_profile_choice(config.link_profile, visitor);
+  visit_link(config.link, visitor);
+  visitor.end_section();
 }
 
 }  // namespace covey

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,9 @@ class ConfigVisitor {
   virtual void flag(const char* key, bool& value, const char* meaning) = 0;
   virtual void text(const char* key, std::string& value, const char* meaning) = 0;
   virtual void texts(const char* key, std::vector<std::string>& value, const char* meaning) = 0;
+  // Keys and values of somebody else's, who also checks them. The values are JSON.
+  virtual void values(const char* key, std::map<std::string, std::string>& value,
+                      const char* meaning) = 0;
   virtual void choice(const char* key, std::string& value, const std::vector<std::string>& names,
                       const char* meaning) = 0;
 

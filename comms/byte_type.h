@@ -3,7 +3,11 @@
 // A DDS type whose samples are serialised bytes. Generated type support would decode inside the
 // middleware, where a bad encapsulation header or length escapes as an exception and ends the
 // process. Here DDS only copies a bounded block; convert.h decodes it where a refusal has a reason
-// and a peer to blame. It also makes payload sizes exact, in both directions. No keys.
+// and a peer to blame. It also makes payload sizes exact, in both directions.
+//
+// Of a keyed topic, DDS asks for the key of every sample that brings none, before anybody has
+// checked it, and generated code aborts on one that cannot be read. Here such a sample has the
+// empty key: it arrives, and is refused where the others are.
 #pragma once
 
 #include <cstddef>
@@ -19,10 +23,14 @@ struct ByteSample {
   Bytes bytes;  // encapsulation header and message
 };
 
+// The key of a sample, whatever its bytes are.
+using KeyOf = std::string (*)(const Bytes& bytes);
+
 class ByteType : public eprosima::fastdds::dds::TopicDataType {
  public:
-  // `name` is the IDL type's, so that others' implementations match.
-  ByteType(const std::string& name, std::size_t max_bytes);
+  // `name` is the IDL type's, so that others' implementations match; so must the key be: the one
+  // string that the IDL marks, or none.
+  ByteType(const std::string& name, std::size_t max_bytes, KeyOf key_of = nullptr);
 
   bool serialize(void* data, eprosima::fastrtps::rtps::SerializedPayload_t* payload) override;
   bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override;
@@ -34,6 +42,7 @@ class ByteType : public eprosima::fastdds::dds::TopicDataType {
 
  private:
   std::size_t max_bytes_;
+  KeyOf key_of_;
 };
 
 }  // namespace covey

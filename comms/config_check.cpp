@@ -65,6 +65,29 @@ void check_interface(const std::string& interface) {
           "interfaces \"" + interface + "\" is no address of this machine, which has:" + list);
 }
 
+void check_server(const std::string& server) {
+  const auto colon = server.find(':');
+  char* end = nullptr;
+  const std::string port = colon == std::string::npos ? "" : server.substr(colon + 1);
+  const long number = std::strtol(port.c_str(), &end, 10);
+  require(!port.empty() && *end == '\0' && number > 0 && number < 65536,
+          "discovery_server \"" + server + "\" is not an address: write it as 10.0.0.1:11811");
+  check_address("discovery_server", server.substr(0, colon));
+}
+
+void check_discovery(const LinkConfig& config) {
+  const DiscoveryMode mode = config.profile.discovery.mode;
+  if (mode == DiscoveryMode::kServer) check_server(config.discovery_server);
+  if (config.loopback_only) return;
+  for (const std::string& interface : config.interfaces) check_interface(interface);
+  for (const std::string& host : config.initial_peers) check_address("initial_peers", host);
+  require(mode != DiscoveryMode::kUnicast || !config.initial_peers.empty(),
+          "initial_peers is empty: list the addresses of the other drones, or choose "
+          "discovery.mode multicast or server");
+  require(mode != DiscoveryMode::kMulticast || config.initial_peers.empty(),
+          "initial_peers are of no use with discovery.mode multicast: choose unicast");
+}
+
 }  // namespace
 
 void check(const LinkConfig& config) {
@@ -73,10 +96,8 @@ void check(const LinkConfig& config) {
   check_range("domain", config.domain, 0, 200);
   check_range("max_agents", config.max_agents, 2, 32);
   require(config.inbox_limit > 0, "inbox_limit is 0: nothing could be received");
-  if (!config.loopback_only) {
-    for (const std::string& interface : config.interfaces) check_interface(interface);
-    for (const std::string& host : config.initial_peers) check_address("initial_peers", host);
-  }
+  check(config.profile);
+  check_discovery(config);
   // It would quietly replace the discovery that keeps us on the chosen interfaces.
   require(std::getenv("ROS_DISCOVERY_SERVER") == nullptr,
           "ROS_DISCOVERY_SERVER is set and would redirect discovery: unset it");

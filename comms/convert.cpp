@@ -417,6 +417,12 @@ Decoded<StatusSample> decode_status(const Bytes& bytes) {
   return decode<wire::AgentStatus>(bytes, kMaxStatusBytes);
 }
 
+std::string key_of_status(const Bytes& bytes) {
+  const Decoded<StatusSample> decoded = decode_status(bytes);
+  const auto* sample = std::get_if<StatusSample>(&decoded);
+  return sample == nullptr ? "" : sample->status.agent;
+}
+
 Decoded<OdometrySample> decode_odometry(const Bytes& bytes) {
   return decode<wire::Odometry>(bytes, kMaxOdometryBytes);
 }

@@ -58,6 +58,8 @@ struct OdometrySample {
 [[nodiscard]] Decoded<PeerKeyframe> decode_peer_keyframe(const Bytes& bytes);
 [[nodiscard]] Decoded<FullPeerKeyframe> decode_full_keyframe(const Bytes& bytes);
 [[nodiscard]] Decoded<StatusSample> decode_status(const Bytes& bytes);
+// The drone whose status it is; empty if it cannot be read.
+[[nodiscard]] std::string key_of_status(const Bytes& bytes);
 [[nodiscard]] Decoded<OdometrySample> decode_odometry(const Bytes& bytes);
 
 }  // namespace covey

@@ -2,6 +2,7 @@
 #include "comms/peer_link.h"
 
 #include <algorithm>
+#include <condition_variable>
 #include <exception>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -11,6 +12,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <mutex>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -21,6 +23,7 @@
 #include "comms/dds_log.h"
 #include "comms/link_events.h"
 #include "comms/link_state.h"
+#include "comms/outbox.h"
 #include "comms/qos.h"
 
 namespace covey {
@@ -32,7 +35,7 @@ using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
-constexpr milliseconds kFarewell{5000};  // longest wait for the last acknowledgements
+constexpr char kNotThere[] = "receiver is not there";
 
 const char* type_name(Kind kind) {
   switch (kind) {
@@ -111,9 +114,15 @@ class PeerLink::Impl {
 
   template <typename Message>
   bool may_send(Kind kind, const Message& message, const std::string& sender);
+  bool send_when_there_is_room(Outgoing out);
+  void send_what_may_go();
+  void keep_sending();
+  bool send_now(Outgoing out);
   bool write(Kind kind, dds::DataWriter* writer, Bytes bytes);
   bool put(Kind kind, dds::DataWriter* writer, ByteSample& sample);
   bool send_message(Kind kind, const std::set<std::string>& receivers, Bytes bytes);
+  std::set<std::string> reached(const std::set<std::string>& receivers);
+  bool send_to(const std::set<std::string>& receivers, const PeerKeyframe& keyframe, Bytes bytes);
   [[nodiscard]] std::set<std::string> everybody() const;
   bool publish_status();
 
@@ -144,14 +153,22 @@ class PeerLink::Impl {
   std::mutex status_mutex_;  // one status after the other: the newest has to be the last
   AgentStatus status_;
 
+  // Waits for room on the radio; whoever holds the lock writes what comes out.
+  mutable std::mutex outbox_mutex_;
+  std::condition_variable outbox_changed_;
+  Outbox outbox_;
+  bool closed_ = false;
+
   std::thread housekeeper_;
+  std::thread dispatcher_;
 };
 
 PeerLink::Impl::Impl(const LinkConfig& config)
     : config_((check(config), config)),
       message_kind_(config.full_messages ? Kind::kFullMessage : Kind::kMessage),
       state_(config.agent, config.inbox_limit),
-      discovery_events_(state_, topic_name(message_kind_)) {
+      discovery_events_(state_, topic_name(message_kind_)),
+      outbox_(config_.profile.load) {
   status_.agent = config_.agent;
   create_participant();
   register_types();
@@ -163,12 +180,20 @@ PeerLink::Impl::Impl(const LinkConfig& config)
   create_reader(message_kind_, &message_read_, config_.agent);
   publish_status();
   housekeeper_ = std::thread([this] { keep_house(); });
+  if (!outbox_.unlimited()) dispatcher_ = std::thread([this] { keep_sending(); });
 }
 
 PeerLink::Impl::~Impl() {
   state_.close();
+  {
+    const std::lock_guard lock(outbox_mutex_);
+    closed_ = true;
+  }
+  outbox_changed_.notify_all();
   if (housekeeper_.joinable()) housekeeper_.join();
-  if (config_.profile == LinkProfile::kLockstep) flush(kFarewell);
+  if (dispatcher_.joinable()) dispatcher_.join();
+  const milliseconds farewell(config_.profile.discovery.farewell_ms);
+  if (farewell > farewell.zero()) flush(farewell);
 }
 
 bool PeerLink::Impl::flush(milliseconds timeout) {
@@ -226,7 +251,8 @@ void PeerLink::Impl::create_participant() {
 
 void PeerLink::Impl::register_types() {
   for (const Kind kind : {Kind::kRequest, message_kind_, Kind::kStatus, Kind::kOdometry}) {
-    const dds::TypeSupport type(new ByteType(type_name(kind), max_bytes(kind)));
+    const KeyOf key_of = kind == Kind::kStatus ? key_of_status : nullptr;
+    const dds::TypeSupport type(new ByteType(type_name(kind), max_bytes(kind), key_of));
     require(type.register_type(participant_.get()) == ReturnCode_t::RETCODE_OK,
             std::string("cannot register DDS type ") + type_name(kind));
   }
@@ -293,8 +319,47 @@ template <typename Message>
 bool PeerLink::Impl::may_send(Kind kind, const Message& message, const std::string& sender) {
   Problem problem = problem_with(message);
   if (!problem && sender != config_.agent) problem = "sender is not this drone";
+  const bool is_message = kind == Kind::kMessage || kind == Kind::kFullMessage;
+  if (!problem && is_message && kind != message_kind_)
+    problem = "this team exchanges another sort of messages";
   if (problem) state_.count_refused(kind, *problem);
   return !problem;
+}
+
+bool PeerLink::Impl::send_when_there_is_room(Outgoing out) {
+  if (outbox_.unlimited()) return send_now(std::move(out));
+  {
+    const std::lock_guard lock(outbox_mutex_);
+    outbox_.offer(std::move(out), steady_clock::now());
+    send_what_may_go();
+  }
+  outbox_changed_.notify_one();
+  return true;
+}
+
+// With the outbox locked.
+void PeerLink::Impl::send_what_may_go() {
+  const std::size_t peers = state_.peers().size();
+  while (auto out = outbox_.next(wire_->bytes_sent, peers, steady_clock::now()))
+    send_now(*std::move(out));
+}
+
+void PeerLink::Impl::keep_sending() {
+  constexpr milliseconds kRoomPoll{10};
+  std::unique_lock lock(outbox_mutex_);
+  while (!closed_) {
+    if (outbox_.empty())
+      outbox_changed_.wait(lock, [this] { return closed_ || !outbox_.empty(); });
+    else
+      outbox_changed_.wait_for(lock, kRoomPoll, [this] { return closed_; });
+    if (!closed_) send_what_may_go();
+  }
+}
+
+bool PeerLink::Impl::send_now(Outgoing out) {
+  if (out.kind == Kind::kRequest) return write(out.kind, request_writer_, std::move(out.bytes));
+  if (out.kind == Kind::kOdometry) return write(out.kind, odometry_writer_, std::move(out.bytes));
+  return send_message(out.kind, out.receivers, std::move(out.bytes));
 }
 
 bool PeerLink::Impl::write(Kind kind, dds::DataWriter* writer, Bytes bytes) {
@@ -312,16 +377,12 @@ bool PeerLink::Impl::put(Kind kind, dds::DataWriter* writer, ByteSample& sample)
 
 // Counts as sent once, to however many.
 bool PeerLink::Impl::send_message(Kind kind, const std::set<std::string>& receivers, Bytes bytes) {
-  if (kind != message_kind_) {
-    state_.count_refused(kind, "this team exchanges another sort of messages");
-    return false;
-  }
   ByteSample sample{std::move(bytes)};
   bool sent = false;
   for (const std::string& receiver : receivers) {
     dds::DataWriter* writer = answer_writer(receiver);
     if (writer == nullptr || !state_.reaches(receiver)) {
-      state_.count_refused(kind, "receiver is not there");
+      state_.count_refused(kind, kNotThere);
     } else if (put(kind, writer, sample)) {
       state_.count_message_to(receiver);
       sent = true;
@@ -329,6 +390,26 @@ bool PeerLink::Impl::send_message(Kind kind, const std::set<std::string>& receiv
   }
   if (sent) state_.count_sent(kind, sample.bytes.size());
   return sent;
+}
+
+// Those of them who are there.
+std::set<std::string> PeerLink::Impl::reached(const std::set<std::string>& receivers) {
+  std::set<std::string> there;
+  for (const std::string& receiver : receivers) {
+    if (state_.reaches(receiver))
+      there.insert(receiver);
+    else
+      state_.count_refused(message_kind_, kNotThere);
+  }
+  return there;
+}
+
+bool PeerLink::Impl::send_to(const std::set<std::string>& receivers, const PeerKeyframe& keyframe,
+                             Bytes bytes) {
+  const std::set<std::string> there = reached(receivers);
+  if (there.empty()) return false;
+  return send_when_there_is_room(
+      {message_kind_, there, keyframe.pose.keyframe_id, worth(keyframe), std::move(bytes)});
 }
 
 std::set<std::string> PeerLink::Impl::everybody() const {
@@ -348,24 +429,28 @@ bool PeerLink::Impl::publish_status() {
 
 bool PeerLink::Impl::send(const PlaceAdvert& advert) {
   return may_send(Kind::kRequest, advert, advert.sender) &&
-         write(Kind::kRequest, request_writer_, encode(advert));
+         send_when_there_is_room({Kind::kRequest, {}, 0, worth(advert), encode(advert)});
 }
 
 bool PeerLink::Impl::send(const PeerKeyframe& keyframe) {
   return may_send(Kind::kMessage, keyframe, keyframe.sender) &&
-         send_message(Kind::kMessage, {keyframe.receiver}, encode(keyframe));
+         send_to({keyframe.receiver}, keyframe, encode(keyframe));
 }
 
 bool PeerLink::Impl::send(const FullPeerKeyframe& message) {
   if (!may_send(Kind::kFullMessage, message, message.keyframe.sender)) return false;
   const std::string& receiver = message.keyframe.receiver;
   const auto receivers = receiver.empty() ? everybody() : std::set<std::string>{receiver};
-  return send_message(Kind::kFullMessage, receivers, encode(message));
+  return send_to(receivers, message.keyframe, encode(message));
 }
 
 bool PeerLink::Impl::publish(const Odometry& odometry) {
   return may_send(Kind::kOdometry, odometry, config_.agent) &&
-         write(Kind::kOdometry, odometry_writer_, encode(OdometrySample{config_.agent, odometry}));
+         send_when_there_is_room({Kind::kOdometry,
+                                  {},
+                                  0,
+                                  worth(odometry),
+                                  encode(OdometrySample{config_.agent, odometry})});
 }
 
 bool PeerLink::Impl::publish(const AgentStatus& status) {
@@ -384,6 +469,8 @@ LinkStatistics PeerLink::Impl::statistics() const {
   statistics.last_dds_error = std::move(errors.last);
   statistics.wire_bytes_sent = wire_->bytes_sent;
   statistics.wire_bytes_received = wire_->bytes_received;
+  const std::lock_guard lock(outbox_mutex_);
+  statistics.dropped = outbox_.dropped();
   return statistics;
 }
 

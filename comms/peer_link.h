@@ -25,21 +25,17 @@
 #include <variant>
 #include <vector>
 
+#include "comms/link_profile.h"
 #include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
 namespace covey {
 
-enum class LinkProfile : std::uint8_t {
-  kRadio,     // lossy links, real time: bounded repair, old adverts expire
-  kLockstep,  // offline runs: nothing is lost, a full history blocks the sender
-};
-
 struct LinkConfig {
   std::string agent;           // 1..32 characters of [A-Za-z0-9_-], unique in its team
   std::string team = "covey";  // same characters; teams do not hear each other
   int domain = 0;              // DDS domain, 0..200
-  LinkProfile profile = LinkProfile::kRadio;
+  LinkProfile profile;
   int max_agents = 16;  // per team, this one included; also how many per host are looked for
   // The messages of this team carry whole filters, FullPeerKeyframe instead of PeerKeyframe. Drones
   // of the other sort are not heard.
@@ -47,7 +43,8 @@ struct LinkConfig {
 
   bool loopback_only = true;            // nothing leaves 127.0.0.1; the next two are then ignored
   std::vector<std::string> interfaces;  // own IPv4 addresses, usually one; empty: all
-  std::vector<std::string> initial_peers;  // IPv4 hosts to look for drones on; empty: multicast
+  std::vector<std::string> initial_peers;  // IPv4 hosts to look for drones on, unless by multicast
+  std::string discovery_server;            // IPv4:PORT, for DiscoveryMode::kServer
 
   std::size_t inbox_limit = 256;  // messages not yet taken, all kinds together
 };
@@ -74,6 +71,8 @@ struct LinkStatistics {
   // By peer, then by reason. A sender that cannot be told is "unknown".
   std::map<std::string, std::map<std::string, std::uint64_t>> rejected;
   std::map<std::string, std::uint64_t> refused;  // by reason
+  // By kind and reason: dropped on purpose, because the radio's budget had no room (outbox.h).
+  std::map<std::string, std::uint64_t> dropped;
   std::uint64_t inbox_dropped = 0;
   // Errors that Fast DDS reports: malformed packets, exhausted limits. Of the whole process.
   std::uint64_t dds_errors = 0;
@@ -94,12 +93,13 @@ class PeerLink {
  public:
   // Throws std::runtime_error that names the setting or the DDS entity and what to do.
   explicit PeerLink(const LinkConfig& config);
-  // In lockstep, first waits up to 5 s for flush(): else what was said last would be lost.
+  // First waits up to discovery.farewell_ms for flush(): else what was said last may be lost.
   ~PeerLink();
   PeerLink(PeerLink&&) noexcept;
   PeerLink& operator=(PeerLink&&) noexcept;
 
-  // False: not sent, counted in `refused` with a reason. `sender` must be this agent.
+  // False: not sent, counted in `refused` with a reason. `sender` must be this agent. Where the
+  // profile limits the load, what finds no room may wait for up to its patience, and be dropped.
   bool send(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& keyframe);  // reaches only keyframe.receiver
   // Only with LinkConfig::full_messages. Without a receiver it goes to every drone that is there.

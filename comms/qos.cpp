@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "comms/qos.h"
 
+#include <fastdds/rtps/attributes/ServerAttributes.h>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 
@@ -19,29 +20,10 @@ using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 using std::chrono::milliseconds;
 
-constexpr std::uint32_t kMaxDatagramBytes = 1400;  // of UDP payload: one Ethernet or Wi-Fi frame
-constexpr std::uint32_t kSocketBufferBytes = 256 * 1024;  // a burst of the largest messages
-constexpr std::uint32_t kFullSocketBufferBytes = 4 * 1024 * 1024;  // a burst of whole filters
-constexpr std::uint32_t kParticipantsPerRemoteHost = 4;            // a drone and a few tools
-constexpr int kLockstepHistory = 256;                              // samples not yet acknowledged
 constexpr std::size_t kToolEndpoints = 8;  // per participant, on top of what a drone needs
 
-constexpr milliseconds kHeartbeat{40};
-constexpr milliseconds kResponseDelay{5};
-constexpr milliseconds kRequestLifespan{200};
-
-// Signs of life. In lockstep a drone may get no processor for seconds and be well.
-struct Leases {
-  milliseconds participant;
-  milliseconds announcement;
-  milliseconds liveliness;
-  milliseconds blocking;  // longest wait of a sender whose history is full
-};
-
-Leases leases_of(LinkProfile profile) {
-  if (profile == LinkProfile::kLockstep)
-    return {milliseconds(20000), milliseconds(2000), milliseconds(20000), milliseconds(30000)};
-  return {milliseconds(4000), milliseconds(1000), milliseconds(1500), milliseconds(100)};
+Duration_t or_forever(int time_ms) {
+  return time_ms > 0 ? duration(milliseconds(time_ms)) : eprosima::fastrtps::c_TimeInfinite;
 }
 
 Locator_t locator(const std::string& address, std::uint32_t port) {
@@ -55,38 +37,62 @@ std::vector<std::string> own_interfaces(const LinkConfig& config) {
   return config.loopback_only ? std::vector<std::string>{"127.0.0.1"} : config.interfaces;
 }
 
-std::vector<std::string> hosts_to_look_on(const LinkConfig& config) {
-  return config.loopback_only ? std::vector<std::string>{"127.0.0.1"} : config.initial_peers;
+// 127.0.0.1 knows no multicast.
+DiscoveryMode discovery_mode(const LinkConfig& config) {
+  const DiscoveryMode chosen = config.profile.discovery.mode;
+  const bool impossible = config.loopback_only && chosen == DiscoveryMode::kMulticast;
+  return impossible ? DiscoveryMode::kUnicast : chosen;
 }
 
-std::shared_ptr<UDPv4TransportDescriptor> udp(const LinkConfig& config) {
-  auto out = std::make_shared<UDPv4TransportDescriptor>();
-  out->interfaceWhiteList = own_interfaces(config);
-  out->maxMessageSize = kMaxDatagramBytes;
-  out->sendBufferSize = config.full_messages ? kFullSocketBufferBytes : kSocketBufferBytes;
-  out->receiveBufferSize = out->sendBufferSize;
-  // Participants of one host sit on ports one after the other; so many of them are tried.
-  out->maxInitialPeersRange = config.loopback_only ? static_cast<std::uint32_t>(config.max_agents)
-                                                   : kParticipantsPerRemoteHost;
-  return out;
-}
-
-void set_addresses(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
-  const std::vector<std::string> hosts = hosts_to_look_on(config);
-  if (hosts.empty()) return;  // multicast, which Fast DDS sets up by itself
-  // Port 0: all ports at which a participant of that host may be.
+// Port 0: all ports at which a participant of that host may be.
+void look_on(const std::vector<std::string>& hosts, dds::WireProtocolConfigQos& wire) {
   for (const std::string& host : hosts) wire.builtin.initialPeersList.push_back(locator(host, 0));
+}
+
+// The first participant's ports, or the next free ones: Fast DDS tries them in turn. Left to
+// itself, it would count participants per process, and a link that was renewed often enough would
+// sit on a port where nobody looks.
+void sit_on_first_ports(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
   std::vector<std::string> addresses = own_interfaces(config);
   if (addresses.empty()) addresses = {"0.0.0.0"};
-  // The first participant's ports, or the next free ones: Fast DDS tries them in turn. Left to
-  // itself, it would count participants per process, and a link that was renewed often enough would
-  // sit on a port where nobody looks.
   const auto domain = static_cast<std::uint32_t>(config.domain);
   for (const std::string& address : addresses) {
-    wire.builtin.metatrafficUnicastLocatorList.push_back(
-        locator(address, wire.port.getUnicastPort(domain, 0)));
-    wire.default_unicast_locator_list.push_back(
-        locator(address, wire.port.getUnicastPort(domain, 0) + 1));
+    const std::uint32_t port = wire.port.getUnicastPort(domain, 0);
+    wire.builtin.metatrafficUnicastLocatorList.push_back(locator(address, port));
+    wire.default_unicast_locator_list.push_back(locator(address, port + 1));
+  }
+}
+
+// A super client is told of all topics, not only of those that it already has: from their topics
+// it learns the other drones' names.
+void ask_server(const std::string& address_and_port, dds::WireProtocolConfigQos& wire) {
+  const auto colon = address_and_port.find(':');
+  eprosima::fastdds::rtps::RemoteServerAttributes server;
+  server.ReadguidPrefix(eprosima::fastdds::rtps::DEFAULT_ROS2_SERVER_GUIDPREFIX);
+  server.metatrafficUnicastLocatorList.push_back(
+      locator(address_and_port.substr(0, colon),
+              static_cast<std::uint32_t>(std::stoul(address_and_port.substr(colon + 1)))));
+  auto& discovery = wire.builtin.discovery_config;
+  discovery.discoveryProtocol = eprosima::fastrtps::rtps::DiscoveryProtocol::SUPER_CLIENT;
+  discovery.m_DiscoveryServers.push_back(server);
+}
+
+void set_discovery(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
+  const DiscoveryProfile& profile = config.profile.discovery;
+  auto& discovery = wire.builtin.discovery_config;
+  discovery.leaseDuration = duration(milliseconds(profile.lease_ms));
+  discovery.leaseDuration_announcementperiod = duration(milliseconds(profile.announcement_ms));
+  discovery.initial_announcements.count = static_cast<std::uint32_t>(profile.first_announcements);
+  discovery.initial_announcements.period = duration(milliseconds(profile.first_announcement_ms));
+  switch (discovery_mode(config)) {
+    case DiscoveryMode::kUnicast:
+      look_on(config.loopback_only ? own_interfaces(config) : config.initial_peers, wire);
+      return sit_on_first_ports(config, wire);
+    case DiscoveryMode::kServer:
+      ask_server(config.discovery_server, wire);
+      return sit_on_first_ports(config, wire);
+    case DiscoveryMode::kMulticast:
+      return;  // which Fast DDS sets up by itself
   }
 }
 
@@ -113,51 +119,61 @@ void set_limits(const LinkConfig& config, dds::ParticipantResourceLimitsQos& lim
   limits.data_limits.max_partitions = 256;
 }
 
-bool is_message(Kind kind) { return kind == Kind::kMessage || kind == Kind::kFullMessage; }
-
-bool keeps_all(Kind kind, const LinkConfig& config) {
-  return config.profile == LinkProfile::kLockstep && (kind == Kind::kRequest || is_message(kind));
-}
-
-int history_depth(Kind kind) {
+const TopicProfile& topic_profile(Kind kind, const LinkProfile& profile) {
   switch (kind) {
     case Kind::kRequest:
-      return 8;
+      return profile.request;
     case Kind::kMessage:
+      return profile.message;
     case Kind::kFullMessage:
-      return 4;
+      return profile.full_message;
     case Kind::kStatus:
+      return profile.status;
     case Kind::kOdometry:
       break;
   }
-  return 1;
+  return profile.odometry;
 }
 
-// What writer and reader have in common; `senders` is how many share one reader's history.
+struct Room {
+  int senders = 1;  // who share one history
+  int instances = 1;
+};
+
+// What writer and reader have in common.
 template <typename Qos>
-void set_topic(Kind kind, const LinkConfig& config, int senders, Qos& qos) {
-  const bool all = keeps_all(kind, config);
-  const bool state = kind == Kind::kStatus;
-  const int depth = history_depth(kind) * senders;
-  qos.reliability().kind =
-      kind == Kind::kOdometry ? dds::BEST_EFFORT_RELIABILITY_QOS : dds::RELIABLE_RELIABILITY_QOS;
-  qos.reliability().max_blocking_time = duration(leases_of(config.profile).blocking);
+void set_topic(const TopicProfile& topic, const Room& room, Qos& qos) {
+  const bool all = topic.history == History::kAll;
+  qos.reliability().kind = topic.reliability == Reliability::kReliable
+                               ? dds::RELIABLE_RELIABILITY_QOS
+                               : dds::BEST_EFFORT_RELIABILITY_QOS;
+  qos.reliability().max_blocking_time = duration(milliseconds(topic.max_blocking_ms));
   qos.durability().kind =
-      state ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+      topic.late_joiners ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = all ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
-  qos.history().depth = depth;
+  qos.history().depth = all ? topic.depth : topic.depth * room.senders;
   auto& limits = qos.resource_limits();
-  limits.max_instances = 1;  // no keys
-  limits.max_samples_per_instance = all ? kLockstepHistory : depth;
-  limits.max_samples = limits.max_samples_per_instance;
+  limits.max_instances = room.instances;
+  limits.max_samples_per_instance = qos.history().depth;
+  limits.max_samples = limits.max_samples_per_instance * limits.max_instances;
   limits.allocated_samples = 1;
-  if (state) {
-    const milliseconds lease = leases_of(config.profile).liveliness;
+  qos.deadline().period = or_forever(topic.deadline_ms);
+  if (topic.liveliness_ms > 0) {
+    const milliseconds lease(topic.liveliness_ms);
     qos.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
     qos.liveliness().lease_duration = duration(lease);
     qos.liveliness().announcement_period = duration(lease / 3);
   }
   qos.data_sharing().off();
+}
+
+// The bytes of a flow are spread over its periods by a thread of DDS.
+void set_publishing(const TopicProfile& topic, dds::DataWriterQos& qos) {
+  const bool flow = topic.flow_bytes > 0;
+  qos.publish_mode().kind = flow ? dds::ASYNCHRONOUS_PUBLISH_MODE : dds::SYNCHRONOUS_PUBLISH_MODE;
+  if (!flow) return;
+  qos.throughput_controller().bytesPerPeriod = static_cast<std::uint32_t>(topic.flow_bytes);
+  qos.throughput_controller().periodMillisecs = static_cast<std::uint32_t>(topic.flow_period_ms);
 }
 
 }  // namespace
@@ -167,45 +183,62 @@ Duration_t duration(milliseconds time) {
           static_cast<std::uint32_t>(time.count() % 1000 * 1000000)};
 }
 
+std::shared_ptr<UDPv4TransportDescriptor> udp_transport(const LinkConfig& config) {
+  const TransportProfile& profile = config.profile.transport;
+  auto out = std::make_shared<UDPv4TransportDescriptor>();
+  out->interfaceWhiteList = own_interfaces(config);
+  out->maxMessageSize = static_cast<std::uint32_t>(profile.datagram_bytes);
+  out->sendBufferSize =
+      1024 * static_cast<std::uint32_t>(config.full_messages ? profile.full_message_buffer_kib
+                                                             : profile.socket_buffer_kib);
+  out->receiveBufferSize = out->sendBufferSize;
+  // Participants of one host sit on ports one after the other; so many of them are tried.
+  out->maxInitialPeersRange = static_cast<std::uint32_t>(
+      config.loopback_only ? config.max_agents : config.profile.discovery.ports_per_host);
+  return out;
+}
+
 dds::DomainParticipantQos participant_qos(const LinkConfig& config,
                                           const std::shared_ptr<WireCounters>& counters) {
-  const Leases leases = leases_of(config.profile);
   dds::DomainParticipantQos qos;
   qos.name(("covey/" + config.team + "/" + config.agent).c_str());
   // By default Fast DDS tells everybody the names of host and user.
   qos.properties().properties().clear();
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(
-      std::make_shared<CountingTransportDescriptor>(udp(config), counters));
+      std::make_shared<CountingTransportDescriptor>(udp_transport(config), counters));
   qos.wire_protocol().prefix = fresh_prefix();
-  auto& discovery = qos.wire_protocol().builtin.discovery_config;
-  discovery.leaseDuration = duration(leases.participant);
-  discovery.leaseDuration_announcementperiod = duration(leases.announcement);
-  set_addresses(config, qos.wire_protocol());
+  set_discovery(config, qos.wire_protocol());
   set_limits(config, qos.allocation());
   return qos;
 }
 
 dds::DataWriterQos writer_qos(Kind kind, const LinkConfig& config) {
+  const TopicProfile& topic = topic_profile(kind, config.profile);
   dds::DataWriterQos qos;
-  set_topic(kind, config, 1, qos);
+  set_topic(topic, Room(), qos);
+  set_publishing(topic, qos);
   // Own samples are of known size: no more is taken than each needs.
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
-  qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
-  qos.reliable_writer_qos().times.heartbeatPeriod = duration(kHeartbeat);
-  qos.reliable_writer_qos().times.nackResponseDelay = duration(kResponseDelay);
-  qos.reliable_writer_qos().disable_heartbeat_piggyback = is_message(kind);
-  if (kind == Kind::kRequest && config.profile == LinkProfile::kRadio)
-    qos.lifespan().duration = duration(kRequestLifespan);
+  qos.reliable_writer_qos().times.heartbeatPeriod = duration(milliseconds(topic.heartbeat_ms));
+  qos.reliable_writer_qos().times.nackResponseDelay =
+      duration(milliseconds(topic.nack_response_ms));
+  qos.reliable_writer_qos().disable_heartbeat_piggyback = !topic.piggyback;
+  qos.lifespan().duration = or_forever(topic.lifespan_ms);
   return qos;
 }
 
 dds::DataReaderQos reader_qos(Kind kind, const LinkConfig& config) {
+  const TopicProfile& topic = topic_profile(kind, config.profile);
+  // A status is keyed by its drone: strangers get as much room as the drones of the team.
+  const Room room =
+      kind == Kind::kStatus ? Room{1, 2 * config.max_agents} : Room{config.max_agents, 1};
   dds::DataReaderQos qos;
-  set_topic(kind, config, config.max_agents, qos);
+  set_topic(topic, room, qos);
   // Blocks of the largest allowed size: a packet that claims a larger sample is refused.
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE;
-  qos.reliable_reader_qos().times.heartbeatResponseDelay = duration(kResponseDelay);
+  qos.reliable_reader_qos().times.heartbeatResponseDelay =
+      duration(milliseconds(topic.heartbeat_response_ms));
   return qos;
 }
 

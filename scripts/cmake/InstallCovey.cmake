@@ -53,6 +53,9 @@ endforeach()
 covey_install_headers(${COVEY_ENTRY_HEADERS})
 if(TARGET covey)
   install(TARGETS covey RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  # The program has it built in; this is to read and to start one's own from.
+  install(FILES ${PROJECT_SOURCE_DIR}/comms/link_profiles.json
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/covey)
 endif()
 
 if(covey_components)

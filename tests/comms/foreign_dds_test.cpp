@@ -2,6 +2,8 @@
 //
 // A participant that is not ours: it says what no link of ours would say, and listens to what links
 // only say.
+#include <fastdds/rtps/attributes/ServerAttributes.h>
+#include <fastrtps/utils/IPLocator.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,6 +19,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <mutex>
+#include <sstream>
 #include <string>
 
 #include "comms/byte_type.h"
@@ -108,7 +111,8 @@ class Stranger : public dds::DataWriterListener, public dds::DataReaderListener 
  private:
   dds::Topic* create_topic(const std::string& topic, const std::string& type,
                            std::size_t max_bytes) {
-    dds::TypeSupport(new ByteType(type, max_bytes)).register_type(participant_);
+    const KeyOf key_of = type == "covey::wire::AgentStatus" ? key_of_status : nullptr;
+    dds::TypeSupport(new ByteType(type, max_bytes, key_of)).register_type(participant_);
     return participant_->create_topic(topic, type, dds::TOPIC_QOS_DEFAULT);
   }
 
@@ -176,6 +180,65 @@ TEST(ForeignDds, ABrokenStatusDoesNotKeepDronesApart) {
     ASSERT_TRUE(say(writer, bytes));
   EXPECT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
   EXPECT_TRUE(peer.wait_for_peers({"uav0"}, kPatience));
+}
+
+// As `fast-discovery-server -i 0` runs it.
+class DiscoveryServer {
+ public:
+  explicit DiscoveryServer(std::uint32_t port) {
+    dds::DomainParticipantQos qos;
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports.push_back(udp_transport(team_config("server")));
+    auto& wire = qos.wire_protocol();
+    std::istringstream(eprosima::fastdds::rtps::DEFAULT_ROS2_SERVER_GUIDPREFIX) >> wire.prefix;
+    eprosima::fastrtps::rtps::Locator_t locator;
+    eprosima::fastrtps::rtps::IPLocator::setIPv4(locator, "127.0.0.1");
+    locator.port = port;
+    wire.builtin.metatrafficUnicastLocatorList.push_back(locator);
+    wire.builtin.discovery_config.discoveryProtocol =
+        eprosima::fastrtps::rtps::DiscoveryProtocol::SERVER;
+    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(team_config("server").domain), qos);
+    if (participant_ == nullptr) throw std::runtime_error("no discovery server");
+  }
+  ~DiscoveryServer() {
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  DiscoveryServer(const DiscoveryServer&) = delete;
+  DiscoveryServer& operator=(const DiscoveryServer&) = delete;
+
+ private:
+  dds::DomainParticipant* participant_ = nullptr;
+};
+
+TEST(ForeignDds, ADiscoveryServerBringsDronesTogether) {
+  const std::uint32_t port = 11'000 + static_cast<std::uint32_t>(getpid()) % 6'000;
+  const DiscoveryServer server(port);
+  const auto config = [&](const std::string& agent) {
+    LinkConfig out = team_config(agent);
+    out.profile.discovery.mode = DiscoveryMode::kServer;
+    out.discovery_server = "127.0.0.1:" + std::to_string(port);
+    return out;
+  };
+  PeerLink a(config("uav0")), b(config("uav1"));
+  ASSERT_TRUE(a.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(b.wait_for_peers({"uav0"}, kPatience));
+  ASSERT_TRUE(a.send(samples::keyframe("uav0", "uav1")));
+  EXPECT_TRUE(b.wait_for_inbox({0, 1}, kPatience));
+}
+
+TEST(ForeignDds, AStatusIsKeyedByItsDrone) {
+  ByteType type("covey::wire::AgentStatus", kMaxStatusBytes, key_of_status);
+  const auto key = [&](const Bytes& bytes) {
+    ByteSample sample{bytes};
+    eprosima::fastrtps::rtps::InstanceHandle_t handle;
+    EXPECT_TRUE(type.getKey(&sample, &handle, false));
+    return handle;
+  };
+  const auto uav0 = key(encode(StatusSample{samples::status("uav0", 1), {}}));
+  EXPECT_EQ(uav0, key(encode(StatusSample{samples::status("uav0", 2), {7}})));
+  EXPECT_FALSE(uav0 == key(encode(StatusSample{samples::status("uav1", 1), {}})));
+  EXPECT_EQ(key(Bytes{0xff, 0xff, 0, 0}), key({}));  // unreadable: the empty key, no exception
 }
 
 TEST(ForeignDds, AGroundStationReadsOdometry) {

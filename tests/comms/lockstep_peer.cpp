@@ -16,6 +16,7 @@
 
 #include "comms/peer_link.h"
 #include "tests/comms/samples.h"
+#include "tests/comms/team_config.h"
 
 namespace covey {
 namespace {
@@ -62,10 +63,9 @@ int main(int argc, char** argv) {
   config.domain = std::atoi(argv[2]);
   config.agent = argv[4];
   config.max_agents = 8;
-  config.profile = covey::LinkProfile::kLockstep;
   const auto rounds = static_cast<std::uint64_t>(std::atoll(argv[3]));
   // Killed drones are noticed by the radio's short leases.
-  if (rounds == 0) config.profile = covey::LinkProfile::kRadio;
+  if (rounds > 0) config.profile = covey::lossless_profile();
   try {
     covey::run(config, rounds, {argv + 5, argv + argc});
   } catch (const std::exception& error) {

@@ -24,7 +24,7 @@ using testing::IsEmpty;
 
 LinkConfig lockstep_config(const std::string& agent) {
   LinkConfig config = team_config(agent);
-  config.profile = LinkProfile::kLockstep;
+  config.profile = lossless_profile();
   return config;
 }
 
@@ -73,6 +73,64 @@ TEST(PeerLink, AConfigurationThatCannotWorkIsRefusedByName) {
                 c.initial_peers = {"127.0.0.1"};
               }),
               HasSubstr("no address of this machine, which has: 127.0.0.1"));
+}
+
+TEST(PeerLink, DiscoveryThatCouldFindNobodyIsRefused) {
+  EXPECT_THAT(complaint([](auto& c) {
+                c.loopback_only = false;
+                c.interfaces = {"127.0.0.1"};
+              }),
+              HasSubstr("initial_peers is empty: list the addresses of the other drones"));
+  EXPECT_THAT(complaint([](auto& c) {
+                c.loopback_only = false;
+                c.interfaces = {"127.0.0.1"};
+                c.initial_peers = {"127.0.0.1"};
+                c.profile.discovery.mode = DiscoveryMode::kMulticast;
+              }),
+              HasSubstr("initial_peers are of no use with discovery.mode multicast"));
+  for (const char* server : {"", "127.0.0.1", "127.0.0.1:0", "127.0.0.1:1x", "base:11811"}) {
+    EXPECT_THAT(complaint([&](auto& c) {
+                  c.profile.discovery.mode = DiscoveryMode::kServer;
+                  c.discovery_server = server;
+                }),
+                HasSubstr("discovery_server"));
+  }
+}
+
+TEST(PeerLink, AnImpossibleProfileIsRefused) {
+  EXPECT_THAT(complaint([](auto& c) { c.profile.request.depth = 0; }),
+              HasSubstr("link profile: request.depth is 0"));
+}
+
+// Twenty answers at once where there is room for four: those that show most arrive, the rest is
+// dropped and counted, and so is what comes out on the wire.
+TEST(PeerLink, ASaturatedLinkSendsWhatIsMostUsefulAndCountsTheRest) {
+  LinkConfig narrow = team_config("uav0");
+  narrow.profile.load = {250'000, 64'000, 1400, 12'000, 300};
+  PeerLink sender(narrow), receiver(team_config("uav1"));
+  ASSERT_TRUE(sender.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(receiver.wait_for_peers({"uav0"}, kPatience));
+  constexpr std::uint64_t kCount = 20;
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    PeerKeyframe keyframe = samples::keyframe("uav0", "uav1");
+    keyframe.pose.keyframe_id = i;
+    ASSERT_TRUE(sender.send(keyframe));
+  }
+  const auto settled = [&] {
+    const LinkStatistics now = sender.statistics();
+    std::uint64_t dropped = 0;
+    for (const auto& [reason, count] : now.dropped) dropped += count;
+    return now.message.sent + dropped == kCount;
+  };
+  const auto start = std::chrono::steady_clock::now();
+  while (!settled() && std::chrono::steady_clock::now() - start < kPatience)
+    std::this_thread::yield();
+  const LinkStatistics statistics = sender.statistics();
+  EXPECT_TRUE(settled());
+  EXPECT_GE(statistics.message.sent, 4u);
+  EXPECT_LE(statistics.message.sent, 6u);
+  EXPECT_GE(statistics.dropped.at("message found no room in time"), 14u);
+  EXPECT_TRUE(receiver.wait_for_inbox({0, statistics.message.sent}, kPatience));
 }
 
 TEST(PeerLink, ADiscoveryServerFromTheEnvironmentIsRefused) {

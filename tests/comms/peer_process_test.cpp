@@ -70,13 +70,14 @@ TEST(PeerProcesses, AKilledPeerIsMissedAndItsSuccessorIsServed) {
   ASSERT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
   first.kill_and_wait();
 
-  // Nothing tells us but silence: liveliness ends after 1.5 s.
+  // Nothing tells us but silence: liveliness ends after 1.5 s, and 2 s is the promise.
   const auto start = std::chrono::steady_clock::now();
   while (!link.peers().empty() && std::chrono::steady_clock::now() - start < kPatience)
     std::this_thread::yield();
   EXPECT_TRUE(link.peers().empty());
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(2));
 
-  // Within the 4 s in which the dead participant is still remembered.
+  // Within the 9 s in which the dead participant is still remembered.
   PeerProcess second(team_config("uav0"), 0, {"uav1", "uav0"});
   ASSERT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
   EXPECT_TRUE(link.send(samples::keyframe("uav0", "uav1")));

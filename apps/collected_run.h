@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A run whose drones flew each by itself, in containers or on vehicles: their folders are all that
+// is known of them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "apps/run_summary.h"
+
+namespace covey {
+
+struct CollectedRun {
+  std::filesystem::path run;      // holds a folder for each drone
+  std::filesystem::path dataset;  // what they flew: ground truth to evaluate against
+  std::string config_file;        // what they were set to; empty: the defaults
+};
+
+// Since the drone that writes to `folder` last said that it flies.
+[[nodiscard]] double silent_for_s(const std::filesystem::path& folder);
+
+// Returns once at least one drone is there and all that are have ended: they have written their
+// summary, or nothing for `silence_s`. Or when a stop was asked for.
+void wait_for_end(const CollectedRun& collected, double silence_s);
+
+// As a team does at its end: evaluates and writes RUN/summary.json. A drone without a summary is
+// reported as ended early. Throws std::runtime_error when no drone has left anything.
+RunSummary summarize_collected(const CollectedRun& collected);
+
+}  // namespace covey

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/link_profile.h"
+
+#include <stdexcept>
+#include <string>
+
+namespace covey {
+namespace {
+
+void require(bool good, const std::string& complaint) {
+  if (!good) throw std::runtime_error("link profile: " + complaint);
+}
+
+void check_topic(const std::string& name, const TopicProfile& topic, int datagram_bytes) {
+  const bool reliable = topic.reliability == Reliability::kReliable;
+  require(topic.depth > 0, name + ".depth is 0: nothing could be sent");
+  require(topic.history == History::kLast || reliable,
+          name + ".history all needs reliability: nobody would ever acknowledge");
+  require(!reliable || topic.lifespan_ms == 0 || topic.lifespan_ms > topic.heartbeat_ms,
+          name + ".lifespan_ms is not above heartbeat_ms: it would expire before any repair");
+  require(topic.liveliness_ms == 0 || topic.liveliness_ms >= 100,
+          name + ".liveliness_ms is below 100: a busy processor would look like death");
+  require(topic.flow_bytes == 0 || topic.flow_bytes >= datagram_bytes,
+          name + ".flow_bytes is below transport.datagram_bytes: no datagram would ever pass");
+}
+
+void check_bucket(const std::string& name, int rate, int burst, int datagram_bytes) {
+  require(rate == 0 || burst >= datagram_bytes,
+          "load." + name + "_burst_bytes is below transport.datagram_bytes: nothing would ever go");
+}
+
+}  // namespace
+
+LinkProfile::LinkProfile() {
+  discovery.lease_ms = 9000;
+  discovery.announcement_ms = 3000;
+  discovery.ports_per_host = 1;
+  request.depth = 8;
+  request.lifespan_ms = 200;
+  request.piggyback = true;
+  message.depth = full_message.depth = 4;
+  status.late_joiners = true;
+  status.liveliness_ms = 1500;
+  status.piggyback = true;
+  odometry.reliability = Reliability::kBestEffort;
+}
+
+void check(const LinkProfile& profile) {
+  const int datagram_bytes = profile.transport.datagram_bytes;
+  check_topic("request", profile.request, datagram_bytes);
+  check_topic("message", profile.message, datagram_bytes);
+  check_topic("full_message", profile.full_message, datagram_bytes);
+  check_topic("status", profile.status, datagram_bytes);
+  check_topic("odometry", profile.odometry, datagram_bytes);
+  require(profile.status.reliability == Reliability::kReliable && profile.status.late_joiners &&
+              profile.status.liveliness_ms > 0,
+          "status must be reliable, kept for late_joiners and watched by liveliness_ms: by it "
+          "drones know who is there");
+  const DiscoveryProfile& discovery = profile.discovery;
+  require(discovery.lease_ms >= 2 * discovery.announcement_ms,
+          "discovery.lease_ms is below twice announcement_ms: one lost packet would end a drone");
+  const LoadProfile& load = profile.load;
+  check_bucket("drone", load.drone_bytes_per_s, load.drone_burst_bytes, datagram_bytes);
+  check_bucket("link", load.link_bytes_per_s, load.link_burst_bytes, datagram_bytes);
+}
+
+}  // namespace covey

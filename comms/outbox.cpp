@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/outbox.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace covey {
+namespace {
+
+constexpr std::size_t kMaxWaiting = 64;
+constexpr std::size_t kMaxHeld = 64;     // keyframes remembered per peer
+constexpr double kGoodDepthSigma = 0.1;  // relative; a landmark's depth this good counts half
+constexpr double kRequestWorth = 20;     // half of a usual answer, which it may bring
+constexpr double kHeldShare = 0.25;      // what a keyframe is still worth to who has it
+constexpr double kDatagramOverheadBytes = 100;  // RTPS, UDP and IP headers, and a heartbeat
+
+const char* name_of(Kind kind) {
+  switch (kind) {
+    case Kind::kRequest:
+      return "request";
+    case Kind::kMessage:
+    case Kind::kFullMessage:
+      return "message";
+    case Kind::kStatus:
+      return "status";
+    case Kind::kOdometry:
+      break;
+  }
+  return "odometry";
+}
+
+double cost(const Outgoing& out) {
+  return static_cast<double>(out.bytes.size()) + kDatagramOverheadBytes;
+}
+
+}  // namespace
+
+double worth(const PlaceAdvert& /*advert*/) { return kRequestWorth; }
+
+double worth(const PeerKeyframe& keyframe) {
+  double sum = 0;
+  for (const PeerLandmark& landmark : keyframe.landmarks) {
+    const double sigma = landmark.inverse_depth_sigma / landmark.inverse_depth / kGoodDepthSigma;
+    sum += 1 / (1 + sigma * sigma);
+  }
+  return sum;
+}
+
+double worth(const Odometry& /*odometry*/) { return 1; }
+
+Outbox::Outbox(const LoadProfile& load)
+    : load_(load),
+      unlimited_(load.drone_bytes_per_s == 0 && load.link_bytes_per_s == 0),
+      drone_(load.drone_bytes_per_s, load.drone_burst_bytes) {}
+
+void Outbox::drop(const Place& place, const std::string& reason) {
+  ++dropped_[std::string(name_of(place->out.kind)) + " " + reason];
+  waiting_.erase(place);
+}
+
+// An odometry replaces the one before: only the newest is of use.
+void Outbox::offer(Outgoing out, Time now) {
+  const auto same = std::find_if(waiting_.begin(), waiting_.end(), [&](const Waiting& waiting) {
+    return out.kind == Kind::kOdometry && waiting.out.kind == Kind::kOdometry;
+  });
+  if (same != waiting_.end()) drop(same, "replaced by a newer one");
+  waiting_.push_back({std::move(out), now});
+  if (waiting_.size() <= kMaxWaiting) return;
+  drop(std::min_element(waiting_.begin(), waiting_.end(),
+                        [&](const Waiting& a, const Waiting& b) {
+                          return usefulness(a, now) < usefulness(b, now);
+                        }),
+       "less useful than others");
+}
+
+void Outbox::drop_late(Time now) {
+  const auto is_late = [&](const Waiting& waiting) {
+    return now - waiting.since > std::chrono::milliseconds(load_.patience_ms);
+  };
+  for (auto late = std::find_if(waiting_.begin(), waiting_.end(), is_late); late != waiting_.end();
+       late = std::find_if(waiting_.begin(), waiting_.end(), is_late))
+    drop(late, "found no room in time");
+}
+
+// Per byte, halved with every half of the patience, and less to who has the keyframe already.
+double Outbox::usefulness(const Waiting& waiting, Time now) const {
+  const Outgoing& out = waiting.out;
+  const double age_ms = std::chrono::duration<double, std::milli>(now - waiting.since).count();
+  const double half_life_ms = std::max(1.0, 0.5 * load_.patience_ms);
+  double share = 1;
+  if (!out.receivers.empty()) {
+    const auto holders =
+        std::count_if(out.receivers.begin(), out.receivers.end(),
+                      [&](const std::string& peer) { return holds(peer, out.keyframe_id); });
+    share -=
+        (1 - kHeldShare) * static_cast<double>(holders) / static_cast<double>(out.receivers.size());
+  }
+  return share * out.worth / cost(out) * std::exp2(-age_ms / half_life_ms);
+}
+
+std::set<std::string> Outbox::receivers_with_room(const Outgoing& out, Time now) {
+  std::set<std::string> with_room;
+  for (const std::string& peer : out.receivers)
+    if (bucket_of(peer).has(cost(out), now)) with_room.insert(peer);
+  return with_room;
+}
+
+bool Outbox::may_go(const Outgoing& out, std::size_t peers, Time now) {
+  if (out.receivers.empty())
+    return drone_.has(cost(out) * static_cast<double>(std::max<std::size_t>(peers, 1)), now);
+  const std::size_t copies = receivers_with_room(out, now).size();
+  return copies > 0 && drone_.has(cost(out) * static_cast<double>(copies), now);
+}
+
+std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers, Time now) {
+  drone_.spend(static_cast<double>(wire_bytes - std::exchange(wire_bytes_, wire_bytes)), now);
+  drop_late(now);
+  Place best = waiting_.end();
+  for (Place place = waiting_.begin(); place != waiting_.end(); ++place) {
+    if (!may_go(place->out, peers, now)) continue;
+    if (best == waiting_.end() || usefulness(*place, now) >= usefulness(*best, now)) best = place;
+  }
+  if (best == waiting_.end()) return std::nullopt;
+  Outgoing out = std::move(best->out);
+  waiting_.erase(best);
+  const std::set<std::string> with_room = receivers_with_room(out, now);
+  if (const std::size_t left_out = out.receivers.size() - with_room.size(); left_out > 0)
+    dropped_[std::string(name_of(out.kind)) + " found no room in time"] += left_out;
+  out.receivers = with_room;
+  spend(out, now);
+  return out;
+}
+
+// The drone's own budget pays what really goes out, when next() hears of it.
+void Outbox::spend(const Outgoing& out, Time now) {
+  for (const std::string& peer : out.receivers) bucket_of(peer).spend(cost(out), now);
+  if (out.kind == Kind::kMessage || out.kind == Kind::kFullMessage)
+    remember(out.receivers, out.keyframe_id);
+}
+
+TokenBucket& Outbox::bucket_of(const std::string& peer) {
+  return links_
+      .try_emplace(peer, static_cast<double>(load_.link_bytes_per_s),
+                   static_cast<double>(load_.link_burst_bytes))
+      .first->second;
+}
+
+bool Outbox::holds(const std::string& peer, std::uint64_t keyframe_id) const {
+  const auto held = held_.find(peer);
+  return held != held_.end() &&
+         std::find(held->second.begin(), held->second.end(), keyframe_id) != held->second.end();
+}
+
+void Outbox::remember(const std::set<std::string>& peers, std::uint64_t keyframe_id) {
+  for (const std::string& peer : peers) {
+    std::deque<std::uint64_t>& held = held_[peer];
+    held.push_back(keyframe_id);
+    if (held.size() > kMaxHeld) held.pop_front();
+  }
+}
+
+}  // namespace covey

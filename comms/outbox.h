@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a drone wants to say and its radio has no room for yet. Token buckets say how much may go:
+// one for all that the drone puts on the wire, repair and discovery included, and one for the
+// answers to each peer. What brings a peer most per byte goes first; what has waited too long, or
+// has become the least useful of too many, is dropped and counted. So nothing is ever late by more
+// than the profile's patience. No DDS, no clock of its own; not thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "comms/convert.h"
+#include "comms/link_profile.h"
+#include "comms/link_state.h"
+#include "comms/token_bucket.h"
+
+namespace covey {
+
+struct Outgoing {
+  Kind kind = Kind::kRequest;
+  std::set<std::string> receivers;  // of a message; what is for all has none
+  std::uint64_t keyframe_id = 0;    // of a message
+  double worth = 0;                 // what a peer may learn from it, in well-known landmarks
+  Bytes bytes;
+};
+
+// A landmark counts in full when its depth is well known, and less the worse it is.
+[[nodiscard]] double worth(const PlaceAdvert& advert);
+[[nodiscard]] double worth(const PeerKeyframe& keyframe);
+[[nodiscard]] double worth(const Odometry& odometry);
+
+class Outbox {
+ public:
+  using Time = TokenBucket::Time;
+
+  explicit Outbox(const LoadProfile& load);
+
+  [[nodiscard]] bool unlimited() const { return unlimited_; }
+
+  void offer(Outgoing out, Time now);
+
+  // The most useful that both budgets have room for; its receivers are those whose budgets have.
+  // `wire_bytes`: all that the drone has put on the wire so far. `peers`: who hears what is for
+  // all.
+  [[nodiscard]] std::optional<Outgoing> next(std::uint64_t wire_bytes, std::size_t peers, Time now);
+
+  [[nodiscard]] bool empty() const { return waiting_.empty(); }
+  // Dropped on purpose since the start, by kind and reason.
+  [[nodiscard]] const std::map<std::string, std::uint64_t>& dropped() const { return dropped_; }
+
+ private:
+  struct Waiting {
+    Outgoing out;
+    Time since;
+  };
+  using Place = std::deque<Waiting>::iterator;
+
+  void drop(const Place& place, const std::string& reason);
+  void drop_late(Time now);
+  [[nodiscard]] double usefulness(const Waiting& waiting, Time now) const;
+  [[nodiscard]] std::set<std::string> receivers_with_room(const Outgoing& out, Time now);
+  [[nodiscard]] bool may_go(const Outgoing& out, std::size_t peers, Time now);
+  TokenBucket& bucket_of(const std::string& peer);
+  [[nodiscard]] bool holds(const std::string& peer, std::uint64_t keyframe_id) const;
+  void remember(const std::set<std::string>& peers, std::uint64_t keyframe_id);
+  void spend(const Outgoing& out, Time now);
+
+  const LoadProfile load_;
+  const bool unlimited_;
+  TokenBucket drone_;
+  std::uint64_t wire_bytes_ = 0;
+  std::map<std::string, TokenBucket> links_;
+  std::map<std::string, std::deque<std::uint64_t>> held_;  // keyframes that a peer was sent
+  std::deque<Waiting> waiting_;                            // in the order of offering
+  std::map<std::string, std::uint64_t> dropped_;
+};
+
+}  // namespace covey

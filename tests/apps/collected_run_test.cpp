@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Drones that fly each by itself, as in containers, and who sums up for them.
+#include "apps/collected_run.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+
+#include "apps/agent.h"
+#include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class CollectedFlight : public testing::Test {
+ protected:
+  [[nodiscard]] fs::path run() const { return folder_.path() / "run"; }
+
+  std::string config() {
+    const json settings = {
+        {"agent", {{"pace", "rate"}, {"real_time_factor", 2}}},
+        {"link", {{"team", "test" + std::to_string(getpid())}, {"domain", 101 + getpid() % 90}}}};
+    return folder_.write("agent.json", settings.dump()).string();
+  }
+
+  std::vector<std::string> agent(const std::string& name) {
+    return {"agent",
+            "--config",
+            config(),
+            "--name",
+            name,
+            "--team-of",
+            "2",
+            "--dataset",
+            std::string(COVEY_TEST_FLIGHT) + "/" + name + "/mav0",
+            "--out",
+            (run() / name).string()};
+  }
+
+  int report(const std::string& silence_s) {
+    CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--config",
+                        config(), "--wait", silence_s});
+    const int code = covey.finish();
+    output_ = covey.output();
+    return code;
+  }
+
+  TemporaryFolder folder_;
+  std::string output_;
+};
+
+TEST_F(CollectedFlight, TwoDronesThatFlewByThemselvesGetOneReport) {
+  CoveyProcess uav0(agent("uav0")), uav1(agent("uav1"));
+  ASSERT_EQ(report("60"), 0) << output_;
+  EXPECT_EQ(uav0.finish(), 0) << uav0.output();
+  EXPECT_EQ(uav1.finish(), 0) << uav1.output();
+  const RunSummary summary = read_run_summary(run() / "summary.json");
+  ASSERT_EQ(summary.agents.size(), 2u);
+  for (const auto& [name, agent] : summary.agents) {
+    EXPECT_EQ(agent.frames + agent.frames_dropped, COVEY_TEST_FLIGHT_FRAMES);
+    EXPECT_TRUE(agent.accuracy);
+    EXPECT_FALSE(agent.incomplete);
+    const json status = read_json_file(run() / name / kAgentStatusFile);
+    EXPECT_GT(status.at("frames"), 0);
+    EXPECT_EQ(status.at("peers").size(), 1u);
+    EXPECT_TRUE(status.at("dropped_by_load").is_object());
+  }
+  EXPECT_TRUE(fs::exists(run() / "report.html"));
+}
+
+TEST_F(CollectedFlight, OneThatFellSilentIsNamedInTheReport) {
+  fs::create_directories(run() / "uav1");
+  ASSERT_EQ(report("0.1"), 0) << output_;
+  const RunSummary summary = read_run_summary(run() / "summary.json");
+  EXPECT_EQ(summary.agents.at("uav1").incomplete, "ended without a summary");
+}
+
+TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
+  const fs::path status = folder_.write("uav0/status.json", "{}");
+  const std::vector<std::string> check = {"agent", "--is-flying", "--out",
+                                          status.parent_path().string()};
+  EXPECT_EQ(CoveyProcess(check).finish(), 0);
+  fs::last_write_time(status, fs::file_time_type::clock::now() - std::chrono::seconds(11));
+  CoveyProcess silent(check);
+  EXPECT_EQ(silent.finish(), 1);
+  EXPECT_THAT(silent.output(), HasSubstr("has not written its status for 10 s"));
+  CoveyProcess nowhere({"agent", "--is-flying", "--out", "/nowhere"});
+  EXPECT_EQ(nowhere.finish(), 1);
+  EXPECT_THAT(nowhere.output(), HasSubstr("/nowhere: no drone has been here"));
+}
+
+TEST_F(CollectedFlight, WithoutAnyDroneThereIsNothingToReport) {
+  fs::create_directories(run());
+  CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), HasSubstr("holds no folder of a drone"));
+}
+
+}  // namespace
+}  // namespace covey
