@@ -110,7 +110,7 @@ void clear_run(const fs::path& run) {
   for (const auto& entry : fs::directory_iterator(run)) {
     if (!entry.is_directory() || !fs::exists(entry.path() / kAgentConfigFile)) continue;
     for (const char* name : {kTrajectoryFile, kCovarianceFile, kGroundTruthFile, kTimingsFile,
-                             kLinkFile, kAgentConfigFile, kAgentSummaryFile}) {
+                             kLinkFile, kExchangeFile, kAgentConfigFile, kAgentSummaryFile}) {
       fs::remove(entry.path() / name);
     }
     if (fs::is_empty(entry.path())) fs::remove(entry.path());

@@ -31,7 +31,8 @@ void drop_incomplete_line(const fs::path& file) {
 }
 
 void salvage(const fs::path& folder) {
-  for (const char* name : {kTrajectoryFile, kCovarianceFile, kTimingsFile, kLinkFile}) {
+  for (const char* name :
+       {kTrajectoryFile, kCovarianceFile, kTimingsFile, kLinkFile, kExchangeFile}) {
     drop_incomplete_line(folder / name);
   }
 }
