@@ -27,8 +27,8 @@ class StrictObject {
   StrictObject(const Json& json, std::string where, std::string prefix = "")
       : json_(json), where_(std::move(where)), prefix_(std::move(prefix)) {
     if (!json_.is_object()) {
-      throw std::runtime_error(where_ + ": " +
-                               (prefix_.empty() ? "not a JSON object" : "'" + name() + "' is none"));
+      throw std::runtime_error(
+          where_ + ": " + (prefix_.empty() ? "not a JSON object" : "'" + name() + "' is none"));
     }
   }
 
@@ -138,6 +138,15 @@ class StrictObject {
   std::vector<std::string> known_;
 };
 
+LabVariant read_variant(StrictObject& object) {
+  for (const char* key : {"name", "config"}) object.require(key);
+  LabVariant variant;
+  object.text("name", variant.name);
+  variant.config = *object.find("config");
+  object.refuse_others();
+  return variant;
+}
+
 void read_grid(StrictObject& object, LabGrid& grid) {
   object.counts("drones", grid.drones, {0, static_cast<double>(kMaxNetworkDrones)});
   object.texts("profiles", grid.profiles);
@@ -147,6 +156,11 @@ void read_grid(StrictObject& object, LabGrid& grid) {
       object.fail("exchanges", "knows compact, paper and naive, not '" + exchange + "'");
     }
   }
+  std::vector<LabVariant> variants;
+  for (StrictObject& variant : object.objects("variants")) {
+    variants.push_back(read_variant(variant));
+  }
+  if (!variants.empty()) grid.variants = std::move(variants);
   object.numbers("loss", grid.loss, kLoss);
   object.numbers("mean_burst", grid.mean_burst, kBurst);
   object.numbers("rate_mbit", grid.rate_mbit, kRate_mbit);
@@ -214,6 +228,9 @@ void read_network(StrictObject& object, LabExperiment& experiment, const std::st
 void check_agents(const LabExperiment& experiment, const std::string& file) {
   AgentConfig config;
   merge_config(experiment.config, file + ", 'config'", config);
+  for (const LabVariant& variant : experiment.grid.variants) {
+    merge_config(variant.config, file + ", 'variants.config'", config);
+  }
   for (const std::string& profile : experiment.grid.profiles) {
     merge_config(Json{{"link", {{"profile", profile}}}}, file + ", 'profiles'", config);
   }
@@ -231,6 +248,7 @@ std::string LabCell::name() const {
   std::string name = profile + "_" + exchange + "_" + std::to_string(drones) + "drones_loss" +
                      number(quality.loss) + "_burst" + number(quality.mean_burst);
   name += quality.rate_bit_per_s > 0 ? "_" + number(1e-6 * quality.rate_bit_per_s) + "mbit" : "";
+  name += variant.name.empty() ? "" : "_" + variant.name;
   return name + "_" + number(1e3 * quality.delay_s) + "ms_seed" + std::to_string(seed) + "_run" +
          std::to_string(repeat);
 }
@@ -282,6 +300,7 @@ std::vector<LabCell> cells_of(const LabExperiment& experiment) {
   spread(grid.loss, [](LabCell& c, double share) { c.quality.loss = share; });
   spread(grid.exchanges, [](LabCell& c, const std::string& mode) { c.exchange = mode; });
   spread(grid.profiles, [](LabCell& c, const std::string& profile) { c.profile = profile; });
+  spread(grid.variants, [](LabCell& c, const LabVariant& variant) { c.variant = variant; });
   spread(grid.drones, [](LabCell& c, int drones) { c.drones = drones; });
   spread(grid.seeds, [](LabCell& c, std::uint64_t seed) { c.seed = seed; });
   std::vector<int> repeats;

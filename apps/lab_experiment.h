@@ -30,11 +30,18 @@ struct LabKills {
   double again_after_s = 1;  // then it is started again
 };
 
+// Settings of the agents that are compared with each other.
+struct LabVariant {
+  std::string name;  // empty: the only one
+  nlohmann::json config = nlohmann::json::object();
+};
+
 // Every combination is flown.
 struct LabGrid {
   std::vector<int> drones{0};  // 0: all of the dataset
   std::vector<std::string> profiles{"radio"};
   std::vector<std::string> exchanges{"compact"};
+  std::vector<LabVariant> variants{LabVariant{}};
   std::vector<double> loss{0}, mean_burst{1}, rate_mbit{0}, delay_ms{0};
   std::vector<std::uint64_t> seeds{1};
   int repeats = 1;
@@ -62,6 +69,7 @@ struct LabExperiment {
 struct LabCell {
   int drones = 0;
   std::string profile, exchange;
+  LabVariant variant;
   LinkQuality quality;
   std::uint64_t seed = 1;
   int repeat = 1;

@@ -8,6 +8,8 @@
 #include <poll.h>
 #include <sched.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -85,6 +87,18 @@ class DroneNetworkTest : public testing::Test {
     if (const auto why = why_no_namespaces()) GTEST_SKIP() << *why;
   }
 };
+
+TEST_F(DroneNetworkTest, WhoIsNotRootIsTold) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const bool told =
+        setuid(65534) == 0 && why_no_namespaces().value_or("").find("root") != std::string::npos;
+    _exit(told ? 0 : 1);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+}
 
 TEST_F(DroneNetworkTest, PacketsPassAndAreCounted) {
   DroneNetwork network(clear_network(3), 1);
