@@ -154,7 +154,7 @@ DroneNamespace make_here(std::size_t drone, std::size_t drones) {
 }  // namespace
 
 std::optional<std::string> why_no_namespaces() {
-  if (geteuid() != 0) return "network namespaces are made by root only (try sudo)";
+  if (geteuid() != 0) return "network namespaces need root on Linux (try sudo)";
   if (access("/dev/net/tun", R_OK | W_OK) != 0) {
     return "/dev/net/tun cannot be used here: load the module tun, or give it to the container";
   }

@@ -125,8 +125,9 @@ void run(const Options& options) {
   LabOptions lab;
   lab.experiment = read_experiment(options.experiment);
   lab.experiment_file = options.experiment;
-  if (const auto why = why_no_namespaces())
-    throw std::runtime_error("the laboratory needs root on Linux: " + *why);
+  if (const auto why = why_no_namespaces()) {
+    throw std::runtime_error("the laboratory has no network here: " + *why);
+  }
   catch_stop_signals();
   prepare_folder(options);
   lab.out = fs::absolute(options.out);

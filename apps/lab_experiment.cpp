@@ -142,6 +142,10 @@ LabVariant read_variant(StrictObject& object) {
   for (const char* key : {"name", "config"}) object.require(key);
   LabVariant variant;
   object.text("name", variant.name);
+  constexpr char kAllowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-";
+  if (variant.name.find_first_not_of(kAllowed) != std::string::npos) {
+    object.fail("name", "is part of a folder's name: letters, digits and '-' only");
+  }
   variant.config = *object.find("config");
   object.refuse_others();
   return variant;

@@ -144,6 +144,7 @@ void judge_network(const LabFlightResult& flight, LabFigures& figures) {
   const std::vector<PortCounts>& ports = flight.together;
   const auto drones = static_cast<double>(ports.size());
   figures.met_after_s = flight.met_after_s;
+  if (flight.start_ms > 0) figures.longest_silence_s = flight.longest_silence_s;
   if (flight.met_after_s) {
     figures.meeting_bytes = total(flight.meeting, &PortCounts::bytes_sent) / drones;
   }
@@ -207,13 +208,13 @@ void judge_accuracy(const RunSummary& together, const RunSummary& alone, LabFigu
 
 // ------------------------------------------------------------------------------------- partition
 
-// Of the drones in the run, over stamps from `from_ns` up to `until_ns`, in the common world.
-Figure error_between(const fs::path& run, const RunSummary& drones, TimeNs from_ns,
+// Of these drones, over stamps from `from_ns` up to `until_ns`, in the common world.
+Figure error_between(const fs::path& run, const std::vector<std::string>& drones, TimeNs from_ns,
                      TimeNs until_ns) {
   double sum2 = 0, count = 0;
-  for (const auto& [name, agent] : drones.agents) {
+  for (const std::string& name : drones) {
     const fs::path estimate = run / name / kTrajectoryFile, truth = run / name / kGroundTruthFile;
-    if (!agent.accuracy || !fs::exists(truth)) return std::nullopt;
+    if (!fs::exists(estimate) || !fs::exists(truth)) return std::nullopt;
     for (const PosePair& pair : associate(read_trajectory(estimate), read_trajectory(truth), {})) {
       if (pair.stamp_ns < from_ns || pair.stamp_ns > until_ns) continue;
       sum2 += (pair.estimate.p_world_imu - pair.truth.p_world_imu).squaredNorm();
@@ -253,18 +254,16 @@ void judge_partition(const LabEvidence& evidence, LabFigures& figures) {
   const TimeNs until_ns = flight.first_ns + nanoseconds(partition.until_s);
   const TimeNs rejoined_ns = until_ns + nanoseconds(kRejoined_s);
   const TimeNs end_ns = until_ns + nanoseconds(flight.flight.recorded_s);
-  const RunSummary &together = *evidence.together, &alone = *evidence.alone;
-  figures.apart_m = error_between(evidence.run, together, from_ns, until_ns);
-  figures.apart_alone_m = error_between(evidence.alone_run, alone, from_ns, until_ns);
-  figures.rejoined_m = error_between(evidence.run, together, rejoined_ns, end_ns);
-  figures.rejoined_alone_m = error_between(evidence.alone_run, alone, rejoined_ns, end_ns);
+  const std::vector<std::string>& cut = partition.apart;
+  figures.apart_m = error_between(evidence.run, cut, from_ns, until_ns);
+  figures.apart_alone_m = error_between(evidence.alone_run, cut, from_ns, until_ns);
+  figures.rejoined_m = error_between(evidence.run, cut, rejoined_ns, end_ns);
+  figures.rejoined_alone_m = error_between(evidence.alone_run, cut, rejoined_ns, end_ns);
   const double end_ms = flight.start_ms + 1e3 * partition.until_s / evidence.experiment.pace;
   figures.fused_again_s = fused_again(partition, evidence.exchange, end_ms);
 }
 
 void judge_kills(const LabFlightResult& flight, LabFigures& figures) {
-  figures.longest_silence_s = flight.longest_silence_s;
-  if (flight.kills.empty()) return;
   std::vector<double> again_s;
   for (const LabKill& kill : flight.kills) {
     if (kill.met_again_s) again_s.push_back(*kill.met_again_s);
@@ -363,11 +362,16 @@ LabFigures judge(const LabEvidence& evidence) {
   judge_network(evidence.flight, figures);
   figures.ended_early = static_cast<double>(evidence.flight.flight.ended_early.size());
   if (!evidence.together || !evidence.alone) return figures;
+  if (!evidence.flight.kills.empty()) {
+    // Logs of those who were killed end early, and their keyframes count from one again: nothing
+    // else could be told from them.
+    judge_kills(evidence.flight, figures);
+    return figures;
+  }
   judge_payload(*evidence.together, evidence.flight, figures);
   judge_exchange(evidence.exchange, figures);
   judge_accuracy(*evidence.together, *evidence.alone, figures);
   judge_partition(evidence, figures);
-  judge_kills(evidence.flight, figures);
   return figures;
 }
 

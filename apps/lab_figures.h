@@ -38,7 +38,7 @@ struct LabFigures {
   // Mean of the drones' RMSE, aligned (SE3) and as they stand in the common world.
   Figure ate_m, ate_alone_m, ate_ratio;
   Figure unaligned_m, unaligned_alone_m, unaligned_ratio;
-  // The first partition. RMSE of all drones, not aligned, from its beginning to its end and from 5
+  // The first partition. RMSE of those apart, not aligned, from its beginning to its end and from 5
   // s after its end on; how long after it somebody fused what came from the other side.
   Figure apart_m, apart_alone_m, rejoined_m, rejoined_alone_m, fused_again_s;
   Figure kills, met_again, met_again_median_s, met_again_max_s, longest_silence_s;

@@ -22,10 +22,12 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPoll{50};
 constexpr int kMeetPatience_ms = 60'000;
+constexpr int kMeetAgainPatience_ms = 10'000;  // after a kill; then it flies without
 constexpr milliseconds kFinishPatience{20'000};
 constexpr double kOvertime_s = 60;  // after the last image is due; then an agent hangs
-// Nobody is killed so close to start and end of a flight.
-constexpr double kFirstKill_s = 1, kLastKill_s = 3;
+// Nobody is killed so close to the start of a flight, or started again so close to its end: there
+// is nobody to meet afterwards.
+constexpr double kFirstKill_s = 1, kLastReturn_s = 5;
 
 enum class Phase { kStarting, kMeeting, kFlying, kEnded };
 
@@ -242,7 +244,7 @@ void LabFlight::accept(std::size_t drone, const Reply& reply) {
 
 void LabFlight::ask_to_meet(std::size_t drone) {
   MeetCommand command;
-  command.patience_ms = kMeetPatience_ms;
+  command.patience_ms = flying_ ? kMeetAgainPatience_ms : kMeetPatience_ms;
   for (const Member& other : members_) {
     if (&other != &members_[drone]) command.peers.push_back(other.config.agent.name);
   }
@@ -303,10 +305,11 @@ LabFlightResult fly_in_lab(const LabFlightPlan& plan, DroneNetwork& network,
 
 std::vector<double> kill_moments(const LabKills& kills, double flight_s, std::uint64_t seed) {
   std::vector<double> moments;
-  if (flight_s <= kFirstKill_s + kLastKill_s) return moments;
+  const double last_s = flight_s - kLastReturn_s - kills.again_after_s;
+  if (last_s <= kFirstKill_s) return moments;
   Random random(seed, 0x5161);
   for (int i = 0; i < kills.count; ++i) {
-    moments.push_back(random.uniform(kFirstKill_s, flight_s - kLastKill_s));
+    moments.push_back(random.uniform(kFirstKill_s, last_s));
   }
   std::sort(moments.begin(), moments.end());
   return moments;

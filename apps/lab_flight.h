@@ -52,7 +52,7 @@ struct LabFlightResult {
     const LabFlightPlan& plan, DroneNetwork& network,
     const std::function<void(const FlightProgress&)>& on_progress);
 
-// Moments between the first and the last that the flight may have, in order.
+// In order, s of the clock since the start; none in a flight that is too short to come back to.
 [[nodiscard]] std::vector<double> kill_moments(const LabKills& kills, double flight_s,
                                                std::uint64_t seed);
 

@@ -114,6 +114,24 @@ TEST(LabFigures, WireBytesAreThoseOfAllDronesPerDroneAndSecond) {
   EXPECT_FALSE(figures.ate_m) << "nobody flew";
 }
 
+TEST(LabFigures, AfterKillsOnlyTellHowTheyMetAgain) {
+  LabFlightResult flight;
+  flight.meeting.resize(2);
+  flight.together.resize(2);
+  flight.start_ms = 1000;
+  flight.longest_silence_s = 0.4;
+  flight.kills = {{"a", 3, 1.5}, {"b", 4, std::nullopt}, {"a", 8, 2.5}};
+  const LabExperiment experiment;
+  const ExchangeLogs logs{{"a", {{1000, kAsked, "*", 1}}}, {"b", {}}};
+  const LabFigures figures = judge({experiment, flight, {}, logs, RunSummary(), RunSummary(), {}});
+  EXPECT_EQ(figures.kills, 3);
+  EXPECT_EQ(figures.met_again, 2);
+  EXPECT_EQ(figures.met_again_median_s, 1.5);
+  EXPECT_EQ(figures.met_again_max_s, 2.5);
+  EXPECT_EQ(figures.longest_silence_s, 0.4);
+  EXPECT_FALSE(figures.asked);
+}
+
 TEST(LabReport, ShowsEverySettingOnceAndAveragesItsSeeds) {
   std::vector<LabOutcome> outcomes;
   for (const double loss : {0.0, 0.3}) {
