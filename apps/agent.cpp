@@ -100,7 +100,8 @@ Agent::Agent(const AgentConfig& config)
       folder_(make_folder(config.agent)),
       odometry_file_(folder_),
       timing_file_(folder_),
-      link_file_(folder_) {}
+      link_file_(folder_),
+      exchange_file_(folder_) {}
 
 cv::Mat Agent::read(const ImageEntry& image) const {
   return read_image(image, dataset_.camera.width, dataset_.camera.height);
@@ -167,8 +168,12 @@ void Agent::feed_imu(TimeNs image_stamp_ns) {
 
 void Agent::publish(const ImageResult& result) {
   if (!link_) return;
-  if (result.advert) link_->send(*result.advert);
-  if (result.announcement) link_->send(*result.announcement);
+  if (result.advert && link_->send(*result.advert)) {
+    note(ExchangeEvent::kAsked, kEveryPeer, result.advert->keyframe_id);
+  }
+  if (result.announcement && link_->send(*result.announcement)) {
+    note(ExchangeEvent::kAnswered, kEveryPeer, result.announcement->keyframe.pose.keyframe_id);
+  }
   if (result.odometry) link_->publish(*result.odometry);
   const TimeNs stamp_ns = result.timing.stamp_ns;
   if (last_status_ns_ == 0 || seconds_between(last_status_ns_, stamp_ns) >= kStatusInterval_s) {
@@ -190,6 +195,10 @@ void Agent::write_status(TimeNs stamp_ns) const {
                    {"dropped_by_load", statistics.dropped},
                    {"wire_bytes_sent", statistics.wire_bytes_sent},
                    {"wire_bytes_received", statistics.wire_bytes_received}});
+}
+
+void Agent::note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id) {
+  exchange_file_.write({steady_ms(), event, peer, keyframe_id});
 }
 
 void Agent::write(ImageResult& result, double read_ms, double total_ms) {
@@ -240,25 +249,30 @@ void Agent::handle_messages() {
 }
 
 void Agent::handle(const PlaceAdvert& advert) {
+  note(ExchangeEvent::kHeard, advert.sender, advert.keyframe_id);
   const auto answer = pipeline_.answer(advert);
   if (!answer) return;
-  if (config_.collaboration.exchange == ExchangeMode::kCompact) {
-    link_->send(*answer);
-  } else {
-    link_->send(pipeline_.with_filter(*answer));
+  const bool compact = config_.collaboration.exchange == ExchangeMode::kCompact;
+  if (compact ? link_->send(*answer) : link_->send(pipeline_.with_filter(*answer))) {
+    note(ExchangeEvent::kAnswered, advert.sender, advert.keyframe_id);
   }
 }
 
 void Agent::handle(const PeerKeyframe& keyframe) {
+  const std::uint64_t id =
+      keyframe.receiver.empty() ? keyframe.pose.keyframe_id : keyframe.request_keyframe_id;
   switch (pipeline_.fuse(keyframe)) {
     case PeerOutcome::kFused:
       ++peer_counts_.fused;
+      note(ExchangeEvent::kFused, keyframe.sender, id);
       break;
     case PeerOutcome::kGated:
       ++peer_counts_.gated;
+      note(ExchangeEvent::kGated, keyframe.sender, id);
       break;
     case PeerOutcome::kRejected:
       ++peer_counts_.rejected;
+      note(ExchangeEvent::kRejected, keyframe.sender, id);
       break;
   }
 }
@@ -396,6 +410,7 @@ void Agent::finish() {
   odometry_file_.close();
   timing_file_.close();
   link_file_.close();
+  exchange_file_.close();
   nlohmann::json json = to_json(summary());
   if (link_) json["exchange_details"] = exchange_details();
   json["own_world"] = level_frame_json(pipeline_.own_world());

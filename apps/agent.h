@@ -74,6 +74,7 @@ class Agent {
   void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
   void write_status(TimeNs stamp_ns) const;
+  void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
@@ -89,6 +90,7 @@ class Agent {
   OdometryWriter odometry_file_;
   TimingWriter timing_file_;
   LinkWriter link_file_;
+  ExchangeWriter exchange_file_;
 
   std::size_t next_imu_ = 0;
   std::vector<Inbound> taken_;

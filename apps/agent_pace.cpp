@@ -177,6 +177,7 @@ class ClockReader {
   void read_all() {
     try {
       for (const ImageEntry& entry : agent_.images()) {
+        if (born_ms_ - due_ms(entry.stamp_ns) > kTooLate_ms) continue;
         if (!wait_until_due(entry.stamp_ns)) break;
         if (!queue_.push_drop_oldest(read_timed(agent_, entry))) break;
       }
@@ -188,10 +189,8 @@ class ClockReader {
 
   // False when nobody wants more images.
   [[nodiscard]] bool wait_until_due(TimeNs stamp_ns) const {
-    const double rate = agent_.config().agent.real_time_factor;
-    const double due_ms = go_.start_ms + 1e3 * seconds_between(go_.first_ns, stamp_ns) / rate;
     while (!queue_.closed() && !stop_requested()) {
-      const double left_ms = due_ms - steady_ms();
+      const double left_ms = due_ms(stamp_ns) - steady_ms();
       if (left_ms <= 0) return true;
       const double nap_ms = std::min(left_ms, static_cast<double>(kStopPoll.count()));
       std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(nap_ms));
@@ -199,8 +198,17 @@ class ClockReader {
     return false;
   }
 
+  [[nodiscard]] double due_ms(TimeNs stamp_ns) const {
+    const double rate = agent_.config().agent.real_time_factor;
+    return go_.start_ms + 1e3 * seconds_between(go_.first_ns, stamp_ns) / rate;
+  }
+
+  // A drone that is started again in flight sees what comes from then on, not what it has missed.
+  static constexpr double kTooLate_ms = 500;
+
   const Agent& agent_;
   const GoCommand go_;
+  const double born_ms_ = steady_ms();
   BoundedQueue<TimedImage>
       queue_;                   // full: the oldest image is dropped, as a late camera's would be
   std::exception_ptr failure_;  // written before the queue is closed, read after

@@ -2,7 +2,9 @@
 #include "apps/child_process.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -21,6 +23,13 @@ namespace {
                            std::strerror(errno));
 }
 
+constexpr int kOwnNamespace = -1;
+
+// Between fork and exec: system calls only.
+bool enter(int network_namespace) {
+  return setns(network_namespace, CLONE_NEWNET) == 0 && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
+}
+
 std::string describe_end(int status) {
   if (WIFSIGNALED(status)) {
     const int number = WTERMSIG(status);
@@ -35,6 +44,15 @@ std::string describe_end(int status) {
 }  // namespace
 
 ChildProcess ChildProcess::start_self(std::vector<std::string> arguments) {
+  return start(std::move(arguments), kOwnNamespace);
+}
+
+ChildProcess ChildProcess::start_self_inside(int network_namespace,
+                                             std::vector<std::string> arguments) {
+  return start(std::move(arguments), network_namespace);
+}
+
+ChildProcess ChildProcess::start(std::vector<std::string> arguments, int network_namespace) {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) fail("socketpair");
   LineChannel own(ends[0]);
@@ -52,6 +70,7 @@ ChildProcess ChildProcess::start_self(std::vector<std::string> arguments) {
   const pid_t pid = fork();
   if (pid < 0) fail("fork");
   if (pid == 0) {
+    if (network_namespace != kOwnNamespace && !enter(network_namespace)) _exit(127);
     fcntl(ends[1], F_SETFD, 0);  // this one survives exec
     execv("/proc/self/exe", argv.data());
     _exit(127);

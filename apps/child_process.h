@@ -21,6 +21,9 @@ class ChildProcess {
  public:
   // Starts this very program again. Throws std::runtime_error if that is not possible.
   static ChildProcess start_self(std::vector<std::string> arguments);
+  // The same inside a network namespace. It does not outlive the calling thread, which would leave
+  // the namespace behind.
+  static ChildProcess start_self_inside(int network_namespace, std::vector<std::string> arguments);
 
   ~ChildProcess();  // kills what still runs
   ChildProcess(ChildProcess&& other) noexcept;
@@ -39,6 +42,7 @@ class ChildProcess {
   [[nodiscard]] std::optional<std::string> ended(std::chrono::milliseconds patience);
 
  private:
+  static ChildProcess start(std::vector<std::string> arguments, int network_namespace);
   ChildProcess(pid_t pid, LineChannel channel) : pid_(pid), channel_(std::move(channel)) {}
   [[nodiscard]] bool reap();
 

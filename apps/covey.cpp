@@ -12,6 +12,7 @@
 
 #include "apps/agent_command.h"
 #include "apps/evaluate_command.h"
+#include "apps/lab_command.h"
 #include "apps/places_command.h"
 #include "apps/qos_command.h"
 #include "apps/report_command.h"
@@ -69,6 +70,7 @@ int run(int argc, char** argv) {
   covey::add_tables_command(covey);
   covey::add_study_command(covey);
   covey::add_qos_command(covey);
+  covey::add_lab_command(covey);
   return run(covey, argc, argv);
 }
 

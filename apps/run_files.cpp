@@ -2,6 +2,7 @@
 #include "apps/run_files.h"
 
 #include <cstdio>
+#include <iterator>
 #include <string>
 #include <string_view>
 
@@ -45,6 +46,16 @@ constexpr CountColumn<LinkRecord> kLinkCounts[] = {
 };
 
 constexpr char kStampColumn[] = "stamp_ns";
+constexpr char kExchangeHeader[] = "clock_ms,event,peer,keyframe_id";
+// In the order of ExchangeEvent.
+constexpr const char* kEventNames[] = {"asked", "heard", "answered", "fused", "gated", "rejected"};
+
+ExchangeEvent event_from(const CsvReader& reader, std::string_view name) {
+  for (std::size_t i = 0; i < std::size(kEventNames); ++i) {
+    if (name == kEventNames[i]) return static_cast<ExchangeEvent>(i);
+  }
+  reader.fail("unknown event '" + std::string(name) + "'");
+}
 
 std::string timing_header() {
   std::string header = kStampColumn;
@@ -136,6 +147,18 @@ void LinkWriter::write(const LinkRecord& record) {
 
 void LinkWriter::close() { file_.close(); }
 
+ExchangeWriter::ExchangeWriter(const std::filesystem::path& folder)
+    : file_(folder / kExchangeFile, kExchangeHeader) {}
+
+void ExchangeWriter::write(const ExchangeRecord& record) {
+  char clock[32];
+  std::snprintf(clock, sizeof clock, "%.3f", record.clock_ms);
+  file_.write_line(std::string(clock) + "," + kEventNames[static_cast<std::size_t>(record.event)] +
+                   "," + record.peer + "," + std::to_string(record.keyframe_id));
+}
+
+void ExchangeWriter::close() { file_.close(); }
+
 std::vector<TimingRecord> read_timings(const std::filesystem::path& file) {
   CsvReader reader(file, CsvReader::Separator::kComma);
   Header header(reader);
@@ -169,6 +192,22 @@ std::vector<LinkRecord> read_link(const std::filesystem::path& file) {
     for (std::size_t i = 0; i < counts.size(); ++i) {
       record.*kLinkCounts[i].count = reader.integer(counts[i]);
     }
+  }
+  return records;
+}
+
+std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  Header header(reader);
+  const std::size_t clock = header.column("clock_ms"), event = header.column("event"),
+                    peer = header.column("peer"), keyframe = header.column("keyframe_id");
+  std::vector<ExchangeRecord> records;
+  while (header.next()) {
+    ExchangeRecord& record = records.emplace_back();
+    record.clock_ms = reader.number(clock);
+    record.event = event_from(reader, reader.text(event));
+    record.peer = reader.text(peer);
+    record.keyframe_id = static_cast<std::uint64_t>(reader.integer(keyframe));
   }
   return records;
 }

@@ -8,12 +8,14 @@
 //   groundtruth.tum            the drone's ground truth, if its dataset has one (write_tum)
 //   timings.csv                one line per image: time of each stage, counts
 //   link.csv                   one line per image or second: what went over the link so far
+//   exchange.csv               one line per question and answer: when it was sent or handled
 //
 // A run with a reference flown alone keeps that in RUN/solo/<agent>/, in the same files.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "apps/csv.h"
@@ -27,6 +29,7 @@ inline constexpr char kCovarianceFile[] = "trajectory_covariance.csv";
 inline constexpr char kGroundTruthFile[] = "groundtruth.tum";
 inline constexpr char kTimingsFile[] = "timings.csv";
 inline constexpr char kLinkFile[] = "link.csv";
+inline constexpr char kExchangeFile[] = "exchange.csv";
 inline constexpr char kSoloFolder[] = "solo";
 
 // One image: milliseconds of CPU time per stage, then counts.
@@ -46,6 +49,23 @@ struct LinkRecord {
   std::int64_t fused = 0, gated = 0, rejected = 0;
   std::int64_t payload_bytes_sent = 0;
 };
+
+enum class ExchangeEvent {
+  kAsked,     // all peers
+  kHeard,     // the peer's question
+  kAnswered,  // the peer, or all of them where nobody asks
+  kFused,     // the peer's answer; so the next two
+  kGated,
+  kRejected,
+};
+
+struct ExchangeRecord {
+  double clock_ms = 0;  // steady_ms(): one clock for all processes of a machine
+  ExchangeEvent event = ExchangeEvent::kAsked;
+  std::string peer;               // kEveryPeer: all of them
+  std::uint64_t keyframe_id = 0;  // of the question; of the answer where nobody asked
+};
+inline constexpr char kEveryPeer[] = "*";
 
 // trajectory.tum and trajectory_covariance.csv of one drone, in `folder`.
 class OdometryWriter {
@@ -79,8 +99,19 @@ class LinkWriter {
   LineWriter file_;
 };
 
+class ExchangeWriter {
+ public:
+  explicit ExchangeWriter(const std::filesystem::path& folder);
+  void write(const ExchangeRecord& record);
+  void close();
+
+ private:
+  LineWriter file_;
+};
+
 // Columns are found by their names in the header line; a missing one is an error that names it.
 [[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
 [[nodiscard]] std::vector<LinkRecord> read_link(const std::filesystem::path& file);
+[[nodiscard]] std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file);
 
 }  // namespace covey

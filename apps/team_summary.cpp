@@ -21,19 +21,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A process that was killed may have left half a line.
 void drop_incomplete_line(const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);
   const std::string content(std::istreambuf_iterator<char>(stream), {});
   const std::size_t end = content.rfind('\n');
   const std::size_t whole = end == std::string::npos ? 0 : end + 1;
   if (fs::exists(file) && whole < content.size()) fs::resize_file(file, whole);
-}
-
-void salvage(const fs::path& folder) {
-  for (const char* name : {kTrajectoryFile, kCovarianceFile, kTimingsFile, kLinkFile}) {
-    drop_incomplete_line(folder / name);
-  }
 }
 
 // What a drone that was killed can still tell.
@@ -114,7 +107,7 @@ void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& su
 AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
                              const std::optional<std::string>& ended_early) {
   const fs::path file = folder / kAgentSummaryFile;
-  if (ended_early) salvage(folder);
+  if (ended_early) drop_incomplete_lines(folder);
   std::vector<TimingRecord> timings;
   if (fs::exists(folder / kTimingsFile) && fs::file_size(folder / kTimingsFile) > 0) {
     timings = read_timings(folder / kTimingsFile);
@@ -190,6 +183,13 @@ std::string table_line(const std::string& name, const AgentSummary& agent,
 }
 
 }  // namespace
+
+void drop_incomplete_lines(const fs::path& folder) {
+  for (const char* name :
+       {kTrajectoryFile, kCovarianceFile, kTimingsFile, kLinkFile, kExchangeFile}) {
+    drop_incomplete_line(folder / name);
+  }
+}
 
 RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,
                           const std::string& dataset_name) {

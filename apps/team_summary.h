@@ -3,12 +3,16 @@
 // From what the drones of a team left behind to the figures of the run.
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "apps/run_summary.h"
 #include "apps/team.h"
 
 namespace covey {
+
+// A process that was killed may have left half a line in a file of its folder: takes it away.
+void drop_incomplete_lines(const std::filesystem::path& folder);
 
 // Evaluates each drone in RUN/<drone>/, adds its ground truth to the folder, writes
 // RUN/summary.json.

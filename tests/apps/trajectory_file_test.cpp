@@ -157,6 +157,26 @@ TEST_F(TrajectoryFile, TimingsAndLinkAreReadBack) {
   EXPECT_EQ(links[0].payload_bytes_sent, 5000000000);
 }
 
+TEST_F(TrajectoryFile, QuestionsAndAnswersComeBackAsTheyWereWritten) {
+  ExchangeWriter writer(folder_.path());
+  writer.write({1234.5678, ExchangeEvent::kAsked, kEveryPeer, 7});
+  writer.write({1300, ExchangeEvent::kRejected, "uav2", 18446744073});
+  writer.close();
+  const auto file = folder_.path() / kExchangeFile;
+  const auto records = read_exchange(file);
+  ASSERT_EQ(records.size(), 2u);
+  EXPECT_EQ(records[0].clock_ms, 1234.568);
+  EXPECT_EQ(records[0].event, ExchangeEvent::kAsked);
+  EXPECT_EQ(records[0].peer, kEveryPeer);
+  EXPECT_EQ(records[1].event, ExchangeEvent::kRejected);
+  EXPECT_EQ(records[1].keyframe_id, 18446744073u);
+
+  folder_.write(kExchangeFile, "clock_ms,event,peer,keyframe_id\n1,shouted,uav0,2\n");
+  EXPECT_THAT([&] { (void)read_exchange(file); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr("exchange.csv:2: "), HasSubstr("unknown event 'shouted'"))));
+}
+
 TEST_F(TrajectoryFile, ATableWithoutAColumnNamesIt) {
   const auto file = folder_.write("link.csv", "stamp_ns,requests_sent\n1,2\n");
   EXPECT_THAT([&] { (void)read_link(file); },
