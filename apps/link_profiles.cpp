@@ -73,7 +73,7 @@ void visit_load(LoadProfile& load, ConfigVisitor& v) {
 
 struct ProfileFile {
   std::string name;
-  Json profiles;
+  std::map<std::string, Json> profiles;
 };
 
 Json parse(std::istream& stream, const std::string& name) {
@@ -84,11 +84,11 @@ Json parse(std::istream& stream, const std::string& name) {
   }
 }
 
-Json profiles_in(const Json& json, const std::string& name) {
+std::map<std::string, Json> profiles_in(const Json& json, const std::string& name) {
   const auto found = json.is_object() ? json.find("profiles") : json.end();
   if (found == json.end() || !found->is_object())
     throw std::runtime_error(name + ": holds no profiles: {\"profiles\": {NAME: {...}}}");
-  return *found;
+  return found->get<std::map<std::string, Json>>();
 }
 
 ProfileFile open_profiles(const std::string& file) {
@@ -107,9 +107,9 @@ ProfileFile open_profiles(const std::string& file) {
 
 const Json& named(const ProfileFile& file, const std::string& name, const std::string& where) {
   const auto found = file.profiles.find(name);
-  if (found != file.profiles.end() && found->is_object()) return *found;
+  if (found != file.profiles.end() && found->second.is_object()) return found->second;
   std::vector<std::string> names;
-  for (const auto& item : file.profiles.items()) names.push_back(item.key());
+  for (const auto& item : file.profiles) names.push_back(item.first);
   throw std::runtime_error(where + ": no profile '" + name + "' in " + file.name +
                            " (there are: " + join(names, ", ") + ")");
 }
@@ -145,13 +145,16 @@ void set(const Json& values, const std::string& where, LinkProfile& profile) {
   set_from_json(values, where, [&](ConfigVisitor& visitor) { visit_profile(profile, visitor); });
 }
 
+[[noreturn]] void fail_without_section(const std::string& path, const std::string& where) {
+  throw std::runtime_error(where + ": '" + path +
+                           "' names no section: write it as message.heartbeat_ms");
+}
+
 Json nested(const std::map<std::string, std::string>& overrides, const std::string& where) {
   Json sections = Json::object();
   for (const auto& [path, value] : overrides) {
     const auto dot = path.find('.');
-    if (dot == std::string::npos)
-      throw std::runtime_error(where + ": '" + path +
-                               "' names no section: write it as message.heartbeat_ms");
+    if (dot == std::string::npos) fail_without_section(path, where);
     sections[path.substr(0, dot)][path.substr(dot + 1)] = Json::parse(value);
   }
   return sections;
@@ -179,7 +182,7 @@ LinkProfile read_profile(const ProfileChoice& choice, const std::string& where) 
   const ProfileFile file = open_profiles(choice.file);
   LinkProfile profile;
   for (const std::string& name : ancestry(file, choice.name, where + ".profile"))
-    set(values_of(file.profiles[name]), file.name + ": " + name, profile);
+    set(values_of(file.profiles.at(name)), file.name + ": " + name, profile);
   const std::string override_name = where + ".override";
   set(nested(choice.overrides, override_name), override_name, profile);
   try {
@@ -193,7 +196,7 @@ LinkProfile read_profile(const ProfileChoice& choice, const std::string& where) 
 std::vector<ProfileName> profile_names(const std::string& file) {
   const ProfileFile opened = open_profiles(file);
   std::vector<ProfileName> names;
-  for (const auto& [name, profile] : opened.profiles.items())
+  for (const auto& [name, profile] : opened.profiles)
     names.push_back({name, profile.is_object() ? profile.value("why", "") : ""});
   return names;
 }
@@ -206,7 +209,7 @@ nlohmann::ordered_json profile_with_reasons(const ProfileChoice& choice, const s
     if (choice.overrides.count(std::string(section).append(".").append(key)) > 0)
       return "overridden by " + where;
     for (auto name = line.rbegin(); name != line.rend(); ++name)
-      if (const Json* why = reason_in(file.profiles[*name], section, key))
+      if (const Json* why = reason_in(file.profiles.at(*name), section, key))
         return why->get<std::string>();
     return "";
   };
