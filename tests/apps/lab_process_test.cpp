@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -80,6 +81,34 @@ TEST_F(Lab, DronesThatOnlyMeetMayShareARecording) {
   EXPECT_GT(figures["met_after_s"], 0);
   EXPECT_GT(figures["meeting_bytes"], 0);
   EXPECT_TRUE(figures["ate_m"].is_null());
+}
+
+TEST_F(Lab, AgentsThatAreKilledComeBackIntoTheFlightAndTheOthersGoOn) {
+  // Slow enough for a kill and a return: 7.5 s of the clock.
+  CoveyProcess covey(command({{"name", "test"},
+                              {"pace", 0.4},
+                              {"delay_ms", 5},
+                              {"kills", {{"count", 1}, {"again_after_s", 0.1}}}}));
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  const json figures = summary()["cells"][0]["figures"];
+  EXPECT_EQ(figures["kills"], 1);
+  EXPECT_EQ(figures["met_again"], 1);
+  EXPECT_EQ(figures["ended_early"], 0);
+  EXPECT_EQ(figures["shared_memory_left"], 0);
+
+  int lives = 0;
+  for (const char* drone : {"uav0", "uav1"}) {
+    const fs::path run = out() / "cells" / summary()["cells"][0]["name"].get<std::string>() / drone;
+    const fs::path again = run / "again1" / "agent_summary.json";
+    if (!fs::exists(again)) continue;
+    ++lives;
+    // It sees what comes from then on, not what it has missed.
+    const json second = json::parse(file_content(again));
+    EXPECT_GT(second["frames"], 0);
+    EXPECT_LT(second["frames"].get<int>() + second["frames_dropped"].get<int>(),
+              COVEY_TEST_FLIGHT_FRAMES);
+  }
+  EXPECT_EQ(lives, 1);
 }
 
 TEST_F(Lab, OneThatIsInterruptedLeavesNobodyBehindAndGoesOnLater) {
