@@ -31,9 +31,9 @@ enum class Pace {
 
 struct AgentSettings {
   std::string name = "uav0";
-  std::string dataset;  // folder that holds cam0 and imu0
+  std::string dataset;     // folder that holds cam0 and imu0
   std::string vocabulary;  // of places, see load_vocabulary; empty: what suits the camera
-  std::string out;      // folder for the drone's files; made if it does not exist
+  std::string out;         // folder for the drone's files; made if it does not exist
   FlightMode mode = FlightMode::kCollaborative;
   Pace pace = Pace::kMax;
   double real_time_factor = 1;  // for Pace::kRate

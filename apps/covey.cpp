@@ -12,6 +12,7 @@
 
 #include "apps/agent_command.h"
 #include "apps/evaluate_command.h"
+#include "apps/inspect_command.h"
 #include "apps/lab_command.h"
 #include "apps/places_command.h"
 #include "apps/qos_command.h"
@@ -65,6 +66,7 @@ int run(int argc, char** argv) {
   covey::add_agent_command(covey);
   covey::add_evaluate_command(covey);
   covey::add_report_command(covey);
+  covey::add_inspect_command(covey);
   covey::add_train_vocabulary_command(covey);
   covey::add_places_command(covey);
   covey::add_tables_command(covey);

@@ -2,6 +2,7 @@
 #include "apps/pipeline.h"
 
 #include <algorithm>
+#include <unordered_map>
 #include <utility>
 
 #include "apps/camera_pose.h"
@@ -138,6 +139,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
     }
     result.odometry = with_team(*result.alone);
   }
+  result.frame = std::move(frame);
   forget_old_imu(stamp_ns);
   return result;
 }
@@ -146,10 +148,10 @@ cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
                            const Eigen::Matrix3d& R_cam_previous, ImageResult& result) {
   if (!calibration_) return to_grey8(pixels);
   const StageTimer timer(result.timing.thermal_ms);
-  const CalibratedImage calibrated =
+  result.calibrated =
       calibration_->correct(stamp_ns, pixels, tracker_.predict(stamp_ns, R_cam_previous));
-  result.content = calibrated.content;
-  return calibrated.pixels;
+  result.content = result.calibrated->content;
+  return result.calibrated->pixels;
 }
 
 TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
@@ -303,6 +305,18 @@ PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
   peer_landmarks_.uninformative += report.uninformative;
   if (report.used > 0) return PeerOutcome::kFused;
   return report.gated > 0 ? PeerOutcome::kGated : PeerOutcome::kRejected;
+}
+
+std::vector<TrackKind> Pipeline::kinds(const TrackedFrame& newest) {
+  std::unordered_map<std::uint64_t, TrackKind> known;
+  for (const TrackDepth& depth : estimator_.depths()) known[depth.track_id] = TrackKind::kMsckf;
+  for (const std::uint64_t track : estimator_.slam_tracks()) known[track] = TrackKind::kSlam;
+  std::vector<TrackKind> kinds;
+  for (const TrackedFeature& feature : newest.features) {
+    const auto found = known.find(feature.track_id);
+    kinds.push_back(found == known.end() ? TrackKind::kOpportunistic : found->second);
+  }
+  return kinds;
 }
 
 AgentStatus Pipeline::status() const { return status_; }

@@ -41,9 +41,15 @@ struct ImageResult {
   std::optional<FullPeerKeyframe> announcement;  // for all, in the naive exchange
   UpdateReport update;
   ImageContent content = ImageContent::kScene;  // otherwise only propagated
+  std::optional<CalibratedImage> calibrated;    // of a thermal camera
+  TrackedFrame frame;                           // without descriptors, except at keyframes
   std::int64_t tracks_begun = 0;
   TimingRecord timing;  // without what happens outside: reading, the total
 };
+
+// What the filter makes of a track of the newest image: it is in the state; its past tells where
+// the point is, for an update when it ends; neither (paper, section III-A).
+enum class TrackKind { kSlam, kMsckf, kOpportunistic };
 
 enum class PeerOutcome { kFused, kGated, kRejected };
 
@@ -68,6 +74,13 @@ class Pipeline {
   [[nodiscard]] bool started() const { return start_ns_.has_value(); }
   [[nodiscard]] std::optional<TimeNs> start_ns() const { return start_ns_; }
   [[nodiscard]] AgentStatus status() const;
+  // For people who look: the newest image as it was tracked, each track's kind, and what is known
+  // of a thermal camera (null for others).
+  [[nodiscard]] const cv::Mat& tracked_image() const { return tracker_.image().levels.front(); }
+  [[nodiscard]] std::vector<TrackKind> kinds(const TrackedFrame& newest);
+  [[nodiscard]] const PhotometricCalibration* calibration() const {
+    return calibration_ ? &*calibration_ : nullptr;
+  }
   // Empty when flown alone.
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.

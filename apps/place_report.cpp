@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "apps/report_style.h"
+#include "apps/chart_sheet.h"
 #include "apps/run_summary.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
@@ -16,8 +16,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kChartWidth = 300, kChartHeight = 230, kLegendHeight = 26;  // px
-constexpr std::size_t kChartsAbreast = 3;
+constexpr double kChartWidth = 300, kChartHeight = 230;  // px
 
 struct DescriptorStyle {
   const char* name;
@@ -75,7 +74,7 @@ Chart chart_of(const DatasetComparison& comparison) {
   chart.y_label = "precision";
   chart.width_px = kChartWidth;
   chart.height_px = kChartHeight;
-  chart.x_range = chart.y_range = Range{0, 1.02};
+  chart.x_range = chart.y_range = AxisRange{0, 1.02};
   for (const DescriptorResult& result : comparison.descriptors) {
     Curve curve;
     curve.label = style_of(result).label;
@@ -90,52 +89,15 @@ Chart chart_of(const DatasetComparison& comparison) {
   return chart;
 }
 
-std::string open_svg(double x, double y, double width, double height) {
-  char text[128];
-  std::snprintf(text, sizeof text, "<svg x=\"%.0f\" y=\"%.0f\" width=\"%.0f\" height=\"%.0f\">", x,
-                y, width, height);
-  return text;
-}
-
 // The same descriptors everywhere: those of the first dataset.
-std::string legend(const DatasetComparison& comparison, double y) {
-  std::string drawing;
-  double x = 54;
-  for (const DescriptorResult& result : comparison.descriptors) {
-    const DescriptorStyle& style = style_of(result);
-    char text[256];
-    std::snprintf(text, sizeof text,
-                  "<line x1=\"%.0f\" y1=\"%.0f\" x2=\"%.0f\" y2=\"%.0f\" "
-                  "style=\"stroke:var(--%s);stroke-width:3\"/>"
-                  "<text x=\"%.0f\" y=\"%.0f\">%s</text>",
-                  x, y, x + 20, y, style.color, x + 26, y + 4, style.label);
-    drawing += text;
-    x += 150;
-  }
-  return "<g class=\"chart\">" + drawing + "</g>";
-}
-
 std::string drawing_of(const std::vector<DatasetComparison>& comparisons) {
-  const std::size_t columns = std::min(kChartsAbreast, comparisons.size());
-  const std::size_t rows = (comparisons.size() + columns - 1) / columns;
-  const double width = std::max(640.0, kChartWidth * static_cast<double>(columns));
-  const double height = kLegendHeight + kChartHeight * static_cast<double>(rows);
-  char head[256];
-  std::snprintf(head, sizeof head,
-                "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" "
-                "width=\"%.0f\" height=\"%.0f\" font-family=\"system-ui, sans-serif\">\n",
-                width, height, width, height);
-  std::string drawing = head + ("<style>" + std::string(kReportStyle)) +
-                        "</style>\n<rect width=\"100%\" height=\"100%\" fill=\"var(--card)\"/>\n" +
-                        legend(comparisons.front(), kLegendHeight / 2) + "\n";
-  for (std::size_t i = 0; i < comparisons.size(); ++i) {
-    const std::size_t row = i / columns, column = i % columns;
-    drawing += open_svg(kChartWidth * static_cast<double>(column),
-                        kLegendHeight + kChartHeight * static_cast<double>(row), kChartWidth,
-                        kChartHeight) +
-               render_svg(chart_of(comparisons[i])) + "</svg>\n";
+  std::vector<SheetEntry> legend;
+  for (const DescriptorResult& result : comparisons.front().descriptors) {
+    legend.push_back({style_of(result).label, style_of(result).color});
   }
-  return drawing + "</svg>\n";
+  std::vector<Chart> charts;
+  for (const DatasetComparison& comparison : comparisons) charts.push_back(chart_of(comparison));
+  return chart_sheet(charts, legend);
 }
 
 }  // namespace

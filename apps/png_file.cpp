@@ -83,8 +83,9 @@ cv::Mat read_png(const std::string& path) {
 }
 
 void write_png(const std::string& path, const cv::Mat& image) {
-  if (image.empty() || (image.type() != CV_8UC1 && image.type() != CV_16UC1))
-    fail(path, "only 8- and 16-bit grey images can be written");
+  const bool colour = image.type() == CV_8UC3;
+  if (image.empty() || (!colour && image.type() != CV_8UC1 && image.type() != CV_16UC1))
+    fail(path, "only grey images of 8 and 16 bits and RGB images can be written");
   const cv::Mat packed = image.isContinuous() ? image : image.clone();
   File file(std::fopen(path.c_str(), "wb"));
   if (!file) fail(path, std::string("cannot create image: ") + std::strerror(errno));
@@ -95,7 +96,7 @@ void write_png(const std::string& path, const cv::Mat& image) {
   header.width = static_cast<std::uint32_t>(packed.cols);
   header.height = static_cast<std::uint32_t>(packed.rows);
   header.bit_depth = packed.type() == CV_16UC1 ? 16 : 8;
-  header.color_type = SPNG_COLOR_TYPE_GRAYSCALE;
+  header.color_type = colour ? SPNG_COLOR_TYPE_TRUECOLOR : SPNG_COLOR_TYPE_GRAYSCALE;
   check(spng_set_ihdr(context.get(), &header), path, "image header");
   check(spng_set_option(context.get(), SPNG_IMG_COMPRESSION_LEVEL, 1), path, "compression level");
   // One fixed filter: choosing per line costs more time than it saves bytes on noisy images.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Grey PNG files through libspng. OpenCV's own codecs are not linked: they drag in GDAL, and with
+// PNG files through libspng. OpenCV's own codecs are not linked: they drag in GDAL, and with
 // it tens of megabytes per process.
 #pragma once
 
@@ -13,8 +13,8 @@ namespace covey {
 // Throws std::runtime_error naming the file and what is wrong with it.
 [[nodiscard]] cv::Mat read_png(const std::string& path);
 
-// Writes CV_8UC1 or CV_16UC1 with a fast compression level: datasets are large and short-lived.
-// Throws std::runtime_error naming the file when it cannot be written whole.
+// Writes CV_8UC1, CV_16UC1 or CV_8UC3 (red first) with a fast compression level: datasets are large
+// and short-lived. Throws std::runtime_error naming the file when it cannot be written whole.
 void write_png(const std::string& path, const cv::Mat& image);
 
 }  // namespace covey

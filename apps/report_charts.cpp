@@ -36,7 +36,7 @@ Chart time_chart(const RunData& data, int columns, const std::string& title,
   chart.title = title;
   chart.x_label = "time, s";
   chart.y_label = unit;
-  chart.x_range = Range{0, std::max(1e-3, seconds(data, data.end_ns))};
+  chart.x_range = AxisRange{0, std::max(1e-3, seconds(data, data.end_ns))};
   return chart;
 }
 
@@ -136,7 +136,7 @@ std::vector<ErrorChannel> channels() {
 }
 
 // Symmetric, and wide enough for the error; a start that is very unsure does not flatten the rest.
-Range error_range(const Curve& error, const Band& three_sigma) {
+AxisRange error_range(const Curve& error, const Band& three_sigma) {
   double largest = 0;
   double widest = 0;
   for (const Eigen::Vector2d& p : error.points) largest = std::max(largest, std::abs(p.y()));
@@ -376,7 +376,7 @@ std::vector<Chart> distance_charts(const RunData& data) {
     chart.curves = {std::move(alone), std::move(estimate)};
     charts.push_back(std::move(chart));
   }
-  const Range shared{0, std::max(1e-6, highest(charts) * 1.05)};
+  const AxisRange shared{0, std::max(1e-6, highest(charts) * 1.05)};
   for (Chart& chart : charts) chart.y_range = shared;
   return charts;
 }

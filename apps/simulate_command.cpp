@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/simulate_command.h"
 
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
 #include <chrono>
-#include <cmath>
 #include <condition_variable>
 #include <cstdio>
 #include <exception>
@@ -21,8 +18,10 @@
 #include <vector>
 
 #include "apps/png_file.h"
+#include "apps/progress.h"
 #include "apps/recorded_flight.h"
 #include "apps/stop_signal.h"
+#include "apps/thermal_truth_file.h"
 #include "sim/dataset_writer.h"
 #include "sim/simulation.h"
 
@@ -42,37 +41,6 @@ struct Options {
   bool force = false;
 };
 
-// A bar on a terminal, a line now and then in a log file.
-class Progress {
- public:
-  explicit Progress(std::size_t total)
-      : total_(total), terminal_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
-
-  void show(std::size_t done) {
-    const double elapsed_s = std::chrono::duration<double>(Clock::now() - start_).count();
-    const double every_s = terminal_ ? 0.2 : 5.0;
-    if (elapsed_s < next_s_ && done < total_) return;
-    next_s_ = elapsed_s + every_s;
-    const double share = static_cast<double>(done) / static_cast<double>(total_);
-    const double left_s = done > 0 ? elapsed_s * (1 / share - 1) : 0;
-    const std::string left = done > 0 ? std::to_string(std::lround(left_s)) + " s left" : "";
-    constexpr int kWidth = 30;
-    const std::string bar(static_cast<std::size_t>(kWidth * share), '#');
-    if (terminal_)
-      std::fprintf(stderr, "\r[%-*s] %zu/%zu images %-12s", kWidth, bar.c_str(), done, total_,
-                   left.c_str());
-    else
-      std::fprintf(stderr, "%zu/%zu images %s\n", done, total_, left.c_str());
-    if (terminal_ && done == total_) std::fputc('\n', stderr);
-  }
-
- private:
-  std::size_t total_;
-  bool terminal_;
-  Clock::time_point start_;
-  double next_s_ = 0;
-};
-
 void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
                  const std::atomic<bool>& stop, std::atomic<std::size_t>& images_done) {
   const CameraDescription camera = drone.camera();
@@ -88,15 +56,19 @@ void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
     write_camera_file(mav0 / "cam0raw16" / "sensor.yaml", camera);
     raw_list.emplace(mav0 / "cam0raw16");
   }
+  std::optional<ThermalTruthWriter> truth;
+  if (plan.thermal) truth.emplace(mav0);
   for (const TimeNs stamp_ns : drone.image_stamps()) {
     if (stop) return;
     const SimulatedImage image = drone.next_image();
     write_png(list.add(stamp_ns).string(), image.grey);
     if (raw_list) write_png(raw_list->add(stamp_ns).string(), image.raw16);
+    if (truth) truth->write(stamp_ns, *drone.thermal_truth());
     ++images_done;
   }
   list.close();
   if (raw_list) raw_list->close();
+  if (truth) truth->close();
 }
 
 // Renders the drones on a few threads, one drone at a time on each; the result does not depend on

@@ -31,8 +31,8 @@ std::string tick_text(double value, double step) {
 }
 
 struct Extent {
-  Range x{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
-  Range y = x;
+  AxisRange x{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  AxisRange y = x;
 
   void add(double px, double py) {
     x = {std::min(x.low, px), std::max(x.high, px)};
@@ -57,14 +57,14 @@ Extent data_extent(const Chart& chart) {
 }
 
 // Never of no length: a curve that is constant still needs an axis.
-Range with_margin(const Range& range, double share) {
+AxisRange with_margin(const AxisRange& range, double share) {
   const double length = range.high - range.low;
   const double least = std::max(1e-9, 1e-6 * std::max(std::abs(range.low), std::abs(range.high)));
   const double margin = length > least ? share * length : std::max(0.5 * std::abs(range.low), 0.5);
   return {range.low - margin, range.high + margin};
 }
 
-Range grown_to(const Range& range, double length) {
+AxisRange grown_to(const AxisRange& range, double length) {
   const double centre = (range.low + range.high) / 2;
   return {centre - length / 2, centre + length / 2};
 }
@@ -72,7 +72,7 @@ Range grown_to(const Range& range, double length) {
 // Where the plot is on the drawing, and which numbers it shows.
 struct Plot {
   double width = 0, height = 0;  // px
-  Range x, y;
+  AxisRange x, y;
 
   [[nodiscard]] double to_x(double value) const {
     return (value - x.low) / (x.high - x.low) * width;
@@ -249,7 +249,7 @@ double round_step(double length, double count) {
   return 10 * power;
 }
 
-std::vector<double> multiples(double step, const Range& range) {
+std::vector<double> multiples(double step, const AxisRange& range) {
   std::vector<double> values;
   const double slack = 1e-9 * step;
   for (double i = std::ceil((range.low - slack) / step); i * step <= range.high + slack; ++i) {

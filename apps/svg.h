@@ -33,7 +33,7 @@ struct Marker {
   Eigen::Vector2d at = Eigen::Vector2d::Zero();
 };
 
-struct Range {
+struct AxisRange {
   double low = 0;
   double high = 0;
 };
@@ -48,8 +48,8 @@ struct Chart {
   double max_height_px = 0;  // for equal_scale: as high as the data need, up to this
   bool equal_scale = false;  // one metre is as long upwards as sideways
   bool y_from_zero = false;
-  std::optional<Range> x_range;  // otherwise what the data need
-  std::optional<Range> y_range;
+  std::optional<AxisRange> x_range;  // otherwise what the data need
+  std::optional<AxisRange> y_range;
   std::vector<Band> bands;
   std::vector<Curve> curves;
   std::vector<Marker> markers;
@@ -65,7 +65,7 @@ struct Chart {
 [[nodiscard]] double round_step(double length, double count);
 
 // The multiples of `step` inside the range.
-[[nodiscard]] std::vector<double> multiples(double step, const Range& range);
+[[nodiscard]] std::vector<double> multiples(double step, const AxisRange& range);
 
 // Fewer points, none of which was further than `tolerance` from the line that is left (Douglas and
 // Peucker, 1973).

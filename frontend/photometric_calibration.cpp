@@ -23,21 +23,17 @@ double pixel(const cv::Mat& image, int y, int x) {
   return image.depth() == CV_8U ? image.at<std::uint8_t>(y, x) : image.at<std::uint16_t>(y, x);
 }
 
-struct PatchGrey {
-  double mean = 0, spread = 0;  // grey levels
-};
-
-// Mean and deviation of a track's patch, warped with it: when the camera comes nearer, the mean of
+// Mean of a track's patch, grey levels, warped with it: when the camera comes nearer, the mean of
 // a square of the image is that of less of the scene, which looks like a change of gain. Nothing at
 // the image's edge, nor where a pixel has no value of its own: black, white, or all equal, which is
 // how a sensor of fewer bits than its image saturates.
 template <typename Pixel>
-std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& place) {
+std::optional<double> patch_grey(const cv::Mat& image, const PatchPlace& place) {
   constexpr int kRadius = kPatch / 2;
   if (!inside(image, place, kRadius)) return std::nullopt;
   const Eigen::Vector2d lowest = place.pixel - kRadius * place.affine.cwiseAbs().rowwise().sum();
   const Eigen::Vector2f step = place.affine.col(0).cast<float>();
-  float sum = 0, squares = 0;  // of what differs from the first pixel
+  float sum = 0;  // of what differs from the first pixel
   Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
   const float base = image.at<Pixel>(static_cast<int>(lowest.y()), static_cast<int>(lowest.x()));
   for (int v = -kRadius; v <= kRadius; ++v) {
@@ -51,7 +47,6 @@ std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& plac
       const float grey = (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
                          fy * ((1 - fx) * below[0] + fx * below[1]) - base;
       sum += grey;
-      squares += grey * grey;
       least = std::min(least, above[0]);
       most = std::max(most, above[0]);
     }
@@ -60,8 +55,7 @@ std::optional<PatchGrey> patch_grey(const cv::Mat& image, const PatchPlace& plac
     return std::nullopt;
   }
   constexpr float kPixels = kPatch * kPatch;
-  const float mean = sum / kPixels;
-  return PatchGrey{base + mean, std::sqrt(std::max(0.0f, squares / kPixels - mean * mean))};
+  return base + sum / kPixels;
 }
 
 template <typename Pixel>
@@ -156,7 +150,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   image_ = image;
   stamp_ns_ = stamp_ns;
   if (!blind_) {
-    result.map = config_.temporal ? gain_.estimate(without_field(look(expected))) : gain_.latest();
+    result.map = config_.temporal ? gain_.estimate(look(expected), field_at()) : gain_.latest();
     build_table(result.map);
   }
   result.restarted = blind_ || !plausible(levels());
@@ -195,34 +189,27 @@ GainOffset PhotometricCalibration::like_the_first() const {
   return {gain, centre_ - gain * statistics.mean};
 }
 
-std::vector<PhotometricCalibration::Sighting> PhotometricCalibration::look(
-    const std::vector<TrackPlace>& places) const {
-  std::vector<Sighting> seen;
+std::vector<TrackGrey> PhotometricCalibration::look(const std::vector<TrackPlace>& places) const {
+  std::vector<TrackGrey> seen;
   seen.reserve(places.size());
   for (const TrackPlace& track : places) {
     const auto grey = image_.depth() == CV_8U ? patch_grey<std::uint8_t>(image_, track.place)
                                               : patch_grey<std::uint16_t>(image_, track.place);
-    if (grey) seen.push_back({track.patch_id, track.place.pixel, grey->mean, grey->spread});
+    if (grey) seen.push_back({track.patch_id, track.place.pixel, *grey});
   }
   std::sort(seen.begin(), seen.end(),
-            [](const Sighting& a, const Sighting& b) { return a.patch_id < b.patch_id; });
+            [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
   return seen;
 }
 
-std::vector<TrackGrey> PhotometricCalibration::without_field(
-    const std::vector<Sighting>& seen) const {
-  std::vector<TrackGrey> greys;
-  greys.reserve(seen.size());
-  for (const Sighting& s : seen) {
-    greys.push_back({s.patch_id, s.grey, s.spread, sigma_ * field_.at(s.pixel)});
-  }
-  return greys;
+FieldAt PhotometricCalibration::field_at() const {
+  return [this](const Eigen::Vector2d& pixel) { return sigma_ * field_.at(pixel); };
 }
 
 void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (blind_) return;
-  const std::vector<Sighting> seen = look(tracks);
-  if (config_.temporal) gain_.add(stamp_ns_, without_field(seen), like_the_first());
+  const std::vector<TrackGrey> seen = look(tracks);
+  if (config_.temporal) gain_.add(stamp_ns_, seen, field_at(), like_the_first());
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
   if (config_.spatial && since_s >= config_.field.refresh_s) refresh(seen, since_s);
@@ -234,7 +221,7 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
 }
 
 // What the field did to the patches since earlier images, near and far.
-void PhotometricCalibration::refresh(std::vector<Sighting> seen, double elapsed_s) {
+void PhotometricCalibration::refresh(std::vector<TrackGrey> seen, double elapsed_s) {
   constexpr std::size_t kLookedBack = 4;
   refreshed_ns_ = stamp_ns_;
   for (std::size_t lag = 0; lag < sightings_.size(); lag += kLookedBack - 1) {
@@ -247,14 +234,14 @@ void PhotometricCalibration::refresh(std::vector<Sighting> seen, double elapsed_
   bias_ = field_.image(kLevelsPerSigma);
 }
 
-void PhotometricCalibration::compare(const std::vector<Sighting>& before,
-                                     const std::vector<Sighting>& now) {
-  const auto level = [this](const Sighting& seen) {
+void PhotometricCalibration::compare(const std::vector<TrackGrey>& before,
+                                     const std::vector<TrackGrey>& now) {
+  const auto level = [this](const TrackGrey& seen) {
     return (gain_.latest()(seen.grey) - centre_) / sigma_;
   };
   std::vector<FieldDifference> differences;
   auto past = before.begin();
-  for (const Sighting& seen : now) {
+  for (const TrackGrey& seen : now) {
     while (past != before.end() && past->patch_id < seen.patch_id) ++past;
     if (past == before.end()) break;
     if (past->patch_id != seen.patch_id) continue;

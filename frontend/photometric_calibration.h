@@ -60,25 +60,20 @@ class PhotometricCalibration {
   // Where they were found in that image.
   void observe(const std::vector<TrackPlace>& tracks);
 
+  // As the tracks of the last image have it, better than the map by which it was shown to them.
+  [[nodiscard]] const GainOffset& map() const { return gain_.latest(); }
   // The additive field, CV_32FC1, in grey levels of the chain's first image.
   [[nodiscard]] cv::Mat field() const;
   [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_; }
 
  private:
-  // What an image showed of a patch: for the field, which is seen between two images.
-  struct Sighting {
-    std::uint64_t patch_id = 0;
-    Eigen::Vector2d pixel;
-    double grey = 0, spread = 0;  // mean and standard deviation of its pixels, grey levels
-  };
-
   void restart(const cv::Mat& image);
   void choose_units(const cv::Mat& image);
   [[nodiscard]] GainOffset like_the_first() const;
-  [[nodiscard]] std::vector<Sighting> look(const std::vector<TrackPlace>& places) const;
-  [[nodiscard]] std::vector<TrackGrey> without_field(const std::vector<Sighting>& seen) const;
-  void compare(const std::vector<Sighting>& before, const std::vector<Sighting>& now);
-  void refresh(std::vector<Sighting> seen, double elapsed_s);
+  [[nodiscard]] std::vector<TrackGrey> look(const std::vector<TrackPlace>& places) const;
+  [[nodiscard]] FieldAt field_at() const;
+  void compare(const std::vector<TrackGrey>& before, const std::vector<TrackGrey>& now);
+  void refresh(std::vector<TrackGrey> seen, double elapsed_s);
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
@@ -93,10 +88,10 @@ class PhotometricCalibration {
   cv::Mat image_;  // the current one, as it came
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
-  double centre_ = 0, sigma_ = 1;                // of the chain's first image, grey levels
-  std::vector<std::int16_t> table_;              // image's grey level to calibrated level
-  cv::Mat bias_;                                 // CV_16SC1, the field, calibrated levels
-  std::deque<std::vector<Sighting>> sightings_;  // one per refresh, newest first; by patch
+  double centre_ = 0, sigma_ = 1;                 // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;               // image's grey level to calibrated level
+  cv::Mat bias_;                                  // CV_16SC1, the field, calibrated levels
+  std::deque<std::vector<TrackGrey>> sightings_;  // one per refresh, newest first; by patch
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
 };

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstddef>
+#include <limits>
+#include <utility>
 
 namespace covey {
 namespace {
@@ -58,6 +59,26 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+constexpr std::size_t kNearest = 2;  // neighbours of a track it is compared with
+
+// The first kNearest entries are those of tracks[0], and so on; a track without stands for itself.
+std::vector<std::size_t> nearest_of_each(const std::vector<TrackGrey>& tracks) {
+  std::vector<std::size_t> nearest;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    std::size_t first = i, second = i;
+    double least = std::numeric_limits<double>::infinity(), next = least;  // px^2
+    for (std::size_t k = 0; k < tracks.size(); ++k) {
+      const double distance = (tracks[i].pixel - tracks[k].pixel).squaredNorm();
+      if (k == i || distance >= next) continue;
+      const bool nearer = distance < least;
+      second = nearer ? std::exchange(first, k) : k;
+      next = nearer ? std::exchange(least, distance) : distance;
+    }
+    nearest.insert(nearest.end(), {first, second});
+  }
+  return nearest;
+}
+
 std::vector<double> distances(const std::vector<GreyPair>& pairs, const GainOffset& map) {
   std::vector<double> distances;
   distances.reserve(pairs.size());
@@ -103,39 +124,52 @@ std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs, in
   return map;
 }
 
-// The gain is fitted to what varies within the patches: a field of low frequency, known or not,
-// does not touch it. Their means then tell the offset. Both lists are sorted by id.
+// The gain is fitted to how much neighbours differ: over so short a distance a field of low
+// frequency differs little, and motion blur or the distance to the scene change the contrast within
+// a patch, but hardly its mean. The means then tell the offset. Both lists are sorted by id.
 std::optional<GainOffset> TemporalGain::against(const PastImage& past,
-                                                const std::vector<TrackGrey>& tracks) const {
-  std::vector<GreyPair> spreads, means;
+                                                const PresentImage& present) const {
+  std::vector<std::optional<GreyPair>> seen(present.tracks.size());
+  std::size_t shared = 0;
   auto before = past.tracks.begin();
-  for (const TrackGrey& track : tracks) {
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const TrackGrey& track = present.tracks[i];
     while (before != past.tracks.end() && before->patch_id < track.patch_id) ++before;
     if (before == past.tracks.end()) break;
     if (before->patch_id != track.patch_id) continue;
-    spreads.push_back({track.spread, before->spread});
-    spreads.push_back({-track.spread, -before->spread});
-    means.push_back(
-        {track.grey - track.field / latest_.gain, before->grey - before->field / past.map.gain});
+    seen[i] = GreyPair{track.grey - present.field(track.pixel) / latest_.gain,
+                       before->grey - present.field(before->pixel) / past.map.gain};
+    ++shared;
   }
-  if (means.size() < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
-  const auto link = fit_gain_offset(spreads, config_.iterations);
+  if (shared < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
+  std::vector<GreyPair> differences;
+  for (std::size_t k = 0; k < present.nearest.size(); ++k) {
+    const auto &track = seen[k / kNearest], &beside = seen[present.nearest[k]];
+    if (!track || !beside) continue;
+    const GreyPair difference{track->now - beside->now, track->past - beside->past};
+    const double sign = k % 2 == 0 ? 1 : -1;  // they are about zero: no difference stays none
+    differences.push_back({sign * difference.now, sign * difference.past});
+  }
+  const auto link = fit_gain_offset(differences, config_.iterations);
   if (!link) return std::nullopt;
   std::vector<double> offsets;
-  offsets.reserve(means.size());
-  for (const GreyPair& pair : means) offsets.push_back(pair.past - link->gain * pair.now);
+  for (const auto& pair : seen) {
+    if (pair) offsets.push_back(pair->past - link->gain * pair->now);
+  }
   return GainOffset{past.map.gain * link->gain, past.map(median(std::move(offsets)))};
 }
 
-GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks) const {
+GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks,
+                                  const FieldAt& field) const {
   assert(is_by_patch(tracks));
+  const PresentImage present{tracks, nearest_of_each(tracks), field};
   double middle = 0;  // grey level at which the offsets are averaged
   for (const TrackGrey& track : tracks) middle += track.grey / static_cast<double>(tracks.size());
   double log_gain = 0, level = 0;
   int links = 0;
   const auto spacing = static_cast<std::size_t>(config_.spacing);
   for (std::size_t lag = 0; lag < images_.size(); lag += spacing) {
-    const auto map = against(images_[lag], tracks);
+    const auto map = against(images_[lag], present);
     if (!map) continue;
     log_gain += std::log(map->gain);
     level += (*map)(middle);
@@ -157,9 +191,9 @@ GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor
   return pulled;
 }
 
-GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks,
+GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const FieldAt& field,
                              const GainOffset& anchor) {
-  GainOffset map = estimate(tracks);
+  GainOffset map = estimate(tracks, field);
   if (last_ns_ != 0 && !tracks.empty()) {
     const double middle_grey = tracks[tracks.size() / 2].grey;
     map = relaxed(map, anchor, middle_grey, seconds_between(last_ns_, stamp_ns));

@@ -7,8 +7,11 @@
 // chain's first image.
 #pragma once
 
+#include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -45,22 +48,28 @@ struct GreyPair {
 // A patch in one image.
 struct TrackGrey {
   std::uint64_t patch_id = 0;
-  double grey = 0;    // its mean, grey levels of the image
-  double spread = 0;  // standard deviation of its pixels, likewise
-  double field = 0;   // the additive field there, calibrated grey levels
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double grey = 0;  // its mean, grey levels of the image
 };
+
+// The additive field at a pixel, calibrated grey levels.
+using FieldAt = std::function<double(const Eigen::Vector2d& pixel)>;
 
 class TemporalGain {
  public:
   explicit TemporalGain(const TemporalConfig& config) : config_(config) {}
 
   // Tracks by rising patch_id, here and below.
-  // The map of an image from its tracks; that of the image before when they do not tell.
-  [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks) const;
+  // The map of an image from its tracks; that of the image before when they do not tell. `field`:
+  // as it is known now, for this image and the past ones alike. A field that was learnt in between
+  // would look like a gain.
+  [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks,
+                                    const FieldAt& field) const;
 
   // Estimates and remembers; images in time order. Errors of the chain would add up without end:
   // the map is pulled towards `anchor`.
-  GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const GainOffset& anchor);
+  GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const FieldAt& field,
+                 const GainOffset& anchor);
 
   // Forgets the window; what follows is in the units of `first`.
   void restart(const GainOffset& first);
@@ -72,8 +81,14 @@ class TemporalGain {
     GainOffset map;
     std::vector<TrackGrey> tracks;  // by id
   };
+  // An image's tracks, two for each of them that are nearest to it, and the field there.
+  struct PresentImage {
+    const std::vector<TrackGrey>& tracks;
+    std::vector<std::size_t> nearest;
+    const FieldAt& field;
+  };
   [[nodiscard]] std::optional<GainOffset> against(const PastImage& past,
-                                                  const std::vector<TrackGrey>& tracks) const;
+                                                  const PresentImage& present) const;
   [[nodiscard]] GainOffset relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
                                    double elapsed_s) const;
 

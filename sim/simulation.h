@@ -69,6 +69,10 @@ class DroneSimulation {
   [[nodiscard]] Eigen::Isometry3d camera_pose(TimeNs stamp_ns) const;  // T_world_cam
   [[nodiscard]] SimulatedImage next_image();
   void skip_images(std::size_t count) { next_ += count; }
+  // Of the last image; null for a visual camera.
+  [[nodiscard]] const ThermalTruth* thermal_truth() const {
+    return thermal_ ? &thermal_->truth() : nullptr;
+  }
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
   [[nodiscard]] const Renderer& renderer() const { return *renderer_; }

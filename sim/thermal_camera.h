@@ -13,10 +13,10 @@
 
 namespace covey {
 
-// FLIR Boson 640, industrial grade, as flown over the JPL Mars Yard (Delaune et al., IROS 2019):
-// 640x512 pixels, 7.5..13.5 um, thermal sensitivity (NETD) below 40 mK, time constant 8 ms (FLIR
-// Boson datasheet, 102-2013-40). The datasheet says nothing about the rest: those defaults are
-// ours.
+// FLIR Boson 640, industrial grade: 640x512 pixels, 7.5..13.5 um, NETD below 40 mK, time constant
+// 8 ms (Polizzi et al. 2022, section V; datasheet 102-2013-40, release 340, 2021: below 40 mK at
+// f/1.0). We know no published figures for the rest. Real cameras look at their shutter for less
+// than a second every few minutes (docs/thermal.md), ours so often that a short flight meets it.
 struct ThermalSensor {
   double netd_k = 0.040;              // K, temporal noise of a pixel, standard deviation
   double time_constant_s = 0.008;     // s, of the microbolometer: it shows the past, exponentially

@@ -34,6 +34,14 @@ std::string message_of(const std::string& path) {
   return "";
 }
 
+TEST(PngFile, ColouredDrawingsAreWrittenRedFirst) {
+  const std::string path = scratch("red.png");
+  write_png(path, cv::Mat(3, 4, CV_8UC3, cv::Scalar(255, 0, 0)));
+  const cv::Mat luma = read_png(path);
+  EXPECT_EQ(luma.size(), cv::Size(4, 3));
+  EXPECT_EQ(luma.at<std::uint8_t>(1, 2), 76) << "29.9 % of 255, as of red";
+}
+
 TEST(PngFile, GreyImagesOfBothDepthsComeBackBitForBit) {
   for (const int type : {CV_8UC1, CV_16UC1}) {
     const cv::Mat image = random_image(type);
@@ -71,8 +79,8 @@ TEST(PngFile, CutShortEmptyAndForeignFilesAreRefusedByName) {
   EXPECT_NE(message_of(path).find("not a readable PNG"), std::string::npos);
 }
 
-TEST(PngFile, ColourImagesAndUnwritableFoldersAreRefused) {
-  EXPECT_THROW(write_png(scratch("colour.png"), cv::Mat(4, 4, CV_8UC3)), std::runtime_error);
+TEST(PngFile, OtherImagesAndUnwritableFoldersAreRefused) {
+  EXPECT_THROW(write_png(scratch("float.png"), cv::Mat(4, 4, CV_32FC1)), std::runtime_error);
   EXPECT_THROW(write_png(scratch("no_folder/image.png"), random_image(CV_8UC1)),
                std::runtime_error);
 }

@@ -12,6 +12,7 @@
 
 #include "apps/dataset.h"
 #include "apps/png_file.h"
+#include "apps/thermal_truth_file.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -69,6 +70,13 @@ TEST(SimulateCommand, WritesWhatTheDatasetReaderReads) {
   const fs::path name = dataset.images[0].path.filename();
   const cv::Mat raw = read_png((drones[0].mav0 / "cam0raw16" / "data" / name).string());
   EXPECT_EQ(raw.type(), CV_16UC1);
+  const auto truth = read_thermal_truth(drones[0].mav0);
+  ASSERT_TRUE(truth.has_value());
+  ASSERT_EQ(truth->size(), 2u);
+  EXPECT_EQ(truth->front().stamp_ns, dataset.images.front().stamp_ns);
+  EXPECT_GE(truth->front().white_k - truth->front().black_k, 2.8);
+  const cv::Mat field = read_true_field(truth->front().field);
+  EXPECT_EQ(field.size(), cv::Size(40, 32));
   EXPECT_EQ(entries(folder.path()), 1u) << "no partial folder is left";
 
   EXPECT_THAT(simulate("mars_yard --out " + out.string()), HasSubstr("exists already"));

@@ -63,11 +63,14 @@ void GainFit(benchmark::State& state) {
   std::mt19937 random(1);
   std::normal_distribution<double> gaussian;
   TemporalGain gain{TemporalConfig{}};
+  SpatialField known(SpatialConfig{}, kImage);
+  const FieldAt field = [&known](const Eigen::Vector2d& pixel) { return known.at(pixel); };
   std::vector<TrackGrey> greys;
-  for (std::uint64_t id = 1; id <= kTracks; ++id)
-    greys.push_back({id, 128 + 4 * gaussian(random), 3 + std::abs(gaussian(random)), 0});
-  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, {});
-  for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys));
+  for (const TrackPlace& track : tracks(0)) {
+    greys.push_back({track.patch_id, track.place.pixel, 128 + 4 * gaussian(random)});
+  }
+  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, field, {});
+  for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys, field));
 }
 BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 

@@ -50,33 +50,35 @@ TEST(GainOffsetFit, SaysNothingWithoutContrastOrWithTooFewPairs) {
   EXPECT_FALSE(fit_gain_offset(std::vector<GreyPair>(50, {7, 9}), 8));
 }
 
+double no_field(const Eigen::Vector2d& /*pixel*/) { return 0; }
+
 struct Scene {
   explicit Scene(unsigned seed) : random(seed) {}
 
   void add_track() {
     radiance.push_back(128 + 40 * gaussian(random));
-    contrast.push_back(10 + 4 * std::abs(gaussian(random)));
+    pixels.emplace_back(320 + 160 * gaussian(random), 256 + 128 * gaussian(random));
     ids.push_back(next_id++);
   }
   // Each image loses the oldest two of a hundred tracks.
   std::vector<TrackGrey> see(const GainOffset& to_first) {
     radiance.erase(radiance.begin(), radiance.begin() + 2);
-    contrast.erase(contrast.begin(), contrast.begin() + 2);
+    pixels.erase(pixels.begin(), pixels.begin() + 2);
     ids.erase(ids.begin(), ids.begin() + 2);
     add_track();
     add_track();
     std::vector<TrackGrey> seen;
     for (std::size_t i = 0; i < ids.size(); ++i) {
       const double grey = (radiance[i] - to_first.offset) / to_first.gain;
-      const double spread = contrast[i] / to_first.gain;
-      seen.push_back({ids[i], grey + 0.5 * gaussian(random), spread + 0.3 * gaussian(random), 0});
+      seen.push_back({ids[i], pixels[i], grey + 0.5 * gaussian(random)});
     }
     return seen;
   }
 
   std::mt19937 random;
   std::normal_distribution<double> gaussian;
-  std::vector<double> radiance, contrast;  // grey levels of the first image
+  std::vector<double> radiance;  // grey levels of the first image
+  std::vector<Eigen::Vector2d> pixels;
   std::vector<std::uint64_t> ids;
   std::uint64_t next_id = 1;
 };
@@ -94,7 +96,7 @@ TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
     const GainOffset truth{
         std::exp(0.25 * std::sin(0.9 * t) + 0.02 * scene.gaussian(scene.random) * (k > 0 ? 1 : 0)),
         10 * std::sin(0.4 * t)};
-    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), {});
+    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), no_field, {});
     const double error = std::abs(std::log(found.gain / truth.gain));
     worst = std::max(worst, error);
     if (t < 60) worst_first_minute = std::max(worst_first_minute, error);
@@ -103,11 +105,27 @@ TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
   EXPECT_LT(worst, 0.03);
 }
 
+// What is learnt of the field between two images is not a change of gain between them.
+TEST(TemporalGain, AFieldThatBecomesKnownDoesNotChangeTheGain) {
+  const auto field = [](const Eigen::Vector2d& pixel) { return 0.2 * (pixel.x() - 320); };
+  Scene scene(4);
+  for (int i = 0; i < 100; ++i) scene.add_track();
+  TemporalConfig config;
+  config.relaxation_s = 1e6;
+  TemporalGain gain(config);
+  for (int k = 0; k < 60; ++k) {
+    std::vector<TrackGrey> tracks = scene.see({});
+    for (TrackGrey& track : tracks) track.grey += field(track.pixel);
+    gain.add(nanoseconds(1 + k / 30.0), tracks, k < 30 ? FieldAt(no_field) : FieldAt(field), {});
+  }
+  EXPECT_NEAR(gain.latest().gain, 1, 0.02);
+}
+
 TEST(TemporalGain, KeepsTheLastMapWhenTooFewTracksAreShared) {
   TemporalGain gain{TemporalConfig{}};
   gain.restart({1.5, 3});
-  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, {1.5, 3}).gain, 1.5);
-  EXPECT_DOUBLE_EQ(gain.estimate({{1, 10, 3, 0}, {2, 20, 4, 0}}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, no_field, {1.5, 3}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.estimate({{1, {5, 5}, 10}, {2, {9, 5}, 20}}, no_field).gain, 1.5);
 }
 
 TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
@@ -115,7 +133,7 @@ TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
   config.relaxation_s = 60;
   TemporalGain gain(config);
   gain.restart({1.5, 0});
-  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, 100, 10, 0}}, {});
+  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, {5, 5}, 100}}, no_field, {});
   EXPECT_NEAR(std::log(gain.latest().gain), std::log(1.5) * std::exp(-59.0 / 60), 1e-9);
 }
 

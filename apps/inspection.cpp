@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/inspection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <unordered_map>
+#include <utility>
+
+#include "apps/stop_signal.h"
+
+namespace covey {
+namespace {
+
+constexpr std::size_t kHistogramInterval = 10;  // images between two that are counted
+constexpr std::size_t kResidualLag = 10;        // images between two sights of a patch
+constexpr int kPatchRadius = 5;                 // px, of a patch whose mean is compared
+constexpr double kFieldInterval_s = 0.5;
+
+AgentConfig alone(AgentConfig config, ThermalMode mode, bool has_truth) {
+  config.agent.mode = FlightMode::kSolo;
+  config.thermal.mode = mode;
+  if (!has_truth) config.initialisation.method = InitMethod::kStatic;
+  return config;
+}
+
+Dataset read_recording(const std::filesystem::path& mav0) {
+  Dataset dataset = read_dataset(mav0);
+  const cv::Mat first =
+      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
+  dataset.thermal = dataset.thermal || first.depth() == CV_16U;
+  return dataset;
+}
+
+// Evenly over the flight, neither its first nor its last.
+std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
+  std::vector<std::size_t> indices;
+  const auto parts = static_cast<std::size_t>(pictures) + 1;
+  for (std::size_t i = 1; i < parts; ++i) indices.push_back(images * i / parts);
+  return indices;
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// One flight, and what is kept of it.
+class Observer {
+ public:
+  Observer(const AgentConfig& config, const Dataset& dataset)
+      : pipeline_(config, {dataset.camera, dataset.extrinsics, dataset.imu_noise, dataset.thermal},
+                  dataset.ground_truth),
+        dataset_(dataset) {}
+
+  ImageResult fly(TimeNs stamp_ns, const cv::Mat& pixels) {
+    const TimeNs moment_ns = pipeline_.imu_moment(stamp_ns);
+    bool covered = next_imu_ > 0 && dataset_.imu[next_imu_ - 1].stamp_ns > moment_ns;
+    while (!covered && next_imu_ < dataset_.imu.size()) {
+      const ImuSample& sample = dataset_.imu[next_imu_++];
+      pipeline_.add_imu(sample);
+      covered = sample.stamp_ns > moment_ns;
+    }
+    ImageResult result = pipeline_.add_image(stamp_ns, pixels);
+    keep(result);
+    return result;
+  }
+
+  // Of the newest image.
+  void take_picture(const ImageResult& result) {
+    Picture picture{result.timing.stamp_ns, pipeline_.tracked_image().clone(), {}};
+    const std::vector<TrackKind> kinds = pipeline_.kinds(result.frame);
+    for (std::size_t i = 0; i < kinds.size(); ++i) {
+      picture.tracks.push_back({result.frame.features[i].pixel, kinds[i]});
+    }
+    flight_.pictures.push_back(std::move(picture));
+  }
+  void count_corners() { flight_.corners.add(pipeline_.tracked_image()); }
+
+  [[nodiscard]] const PhotometricCalibration* calibration() const {
+    return pipeline_.calibration();
+  }
+
+  [[nodiscard]] InspectedFlight finished() {
+    if (!flight_.tracks.empty()) {
+      flight_.mean_tracks = sightings_ / static_cast<double>(flight_.tracks.size());
+    }
+    if (begun_ > 0) flight_.mean_length = sightings_ / begun_;
+    for (double& share : flight_.corners.shares) {
+      share /= static_cast<double>(std::max<std::int64_t>(1, flight_.corners.images));
+    }
+    return std::move(flight_);
+  }
+
+ private:
+  void keep(const ImageResult& result) {
+    const TimeNs stamp_ns = result.timing.stamp_ns;
+    if (result.content == ImageContent::kRepeated) ++flight_.repeated_images;
+    if (result.content == ImageContent::kUniform) ++flight_.uniform_images;
+    if (result.update.reinitialized) ++flight_.filter_restarts;
+    if (result.content == ImageContent::kScene) {
+      const auto tracks = static_cast<double>(result.frame.features.size());
+      flight_.tracks.emplace_back(seconds_between(dataset_.images.front().stamp_ns, stamp_ns),
+                                  tracks);
+      sightings_ += tracks;
+      begun_ += static_cast<double>(result.tracks_begun);
+    }
+    if (result.odometry) flight_.path.push_back({stamp_ns, result.odometry->pose});
+  }
+
+  Pipeline pipeline_;
+  const Dataset& dataset_;
+  std::size_t next_imu_ = 0;
+  double sightings_ = 0, begun_ = 0;
+  InspectedFlight flight_;
+};
+
+// What calibration knew at each image, and how well patches kept their level.
+class PhotometricLog {
+ public:
+  void add(const ImageResult& result, const cv::Mat& pixels,
+           const PhotometricCalibration& calibration) {
+    if (!result.calibrated || result.content != ImageContent::kScene) return;
+    const TimeNs stamp_ns = result.timing.stamp_ns;
+    if (result.calibrated->restarted) {
+      chain_ns_ = stamp_ns;
+      past_.clear();
+    }
+    gains_.push_back({stamp_ns, chain_ns_, calibration.map()});
+    const cv::Mat field = calibration.field();
+    compare_patches(result, pixels, field);
+    if (stamp_ns < next_field_ns_) return;
+    next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
+    fields_.push_back({stamp_ns, chain_ns_, field});
+  }
+
+  void move_into(Inspection& inspection) {
+    inspection.gains = std::move(gains_);
+    inspection.fields = std::move(fields_);
+    if (raw_residuals_.empty()) return;
+    inspection.raw_residual = median(std::move(raw_residuals_));
+    inspection.calibrated_residual = median(std::move(calibrated_residuals_));
+  }
+
+ private:
+  struct Levels {
+    double raw = 0, calibrated = 0;
+  };
+  using Patches = std::unordered_map<std::uint64_t, Levels>;  // by track
+
+  void compare_patches(const ImageResult& result, const cv::Mat& pixels, const cv::Mat& field) {
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(pixels, mean, deviation);
+    const GainOffset& map = result.calibrated->map;
+    Patches now;
+    const cv::Rect whole({0, 0}, pixels.size());
+    for (const TrackedFeature& feature : result.frame.features) {
+      const cv::Point at(static_cast<int>(std::lround(feature.pixel.x())),
+                         static_cast<int>(std::lround(feature.pixel.y())));
+      const cv::Rect patch = cv::Rect(at.x - kPatchRadius, at.y - kPatchRadius,
+                                      2 * kPatchRadius + 1, 2 * kPatchRadius + 1) &
+                             whole;
+      if (patch.empty()) continue;
+      const double raw = cv::mean(pixels(patch))[0];
+      now[feature.track_id] = {raw, map(raw) - cv::mean(field(patch))[0]};
+    }
+    if (past_.size() == kResidualLag && deviation[0] > 0) {
+      for (const auto& [track, before] : past_.back()) {
+        const auto found = now.find(track);
+        if (found == now.end()) continue;
+        const Levels& levels = found->second;
+        raw_residuals_.push_back(std::abs(levels.raw - before.raw) / deviation[0]);
+        calibrated_residuals_.push_back(std::abs(levels.calibrated - before.calibrated) /
+                                        (map.gain * deviation[0]));
+      }
+    }
+    past_.push_front(std::move(now));
+    if (past_.size() > kResidualLag) past_.pop_back();
+  }
+
+  TimeNs chain_ns_ = 0, next_field_ns_ = 0;
+  std::vector<PhotometricRecord> gains_;
+  std::vector<FieldRecord> fields_;
+  std::deque<Patches> past_;  // newest first
+  std::vector<double> raw_residuals_, calibrated_residuals_;
+};
+
+}  // namespace
+
+void CornerHistogram::add(const cv::Mat& grey) {
+  constexpr int kBlock = 3, kAperture = 3;
+  constexpr double kHarris = 0.04;
+  cv::Mat response;
+  cv::cornerHarris(grey, response, kBlock, kAperture, kHarris);
+  const double share = 1 / static_cast<double>(response.total());
+  for (int y = 0; y < response.rows; ++y) {
+    const auto* row = response.ptr<float>(y);
+    for (int x = 0; x < response.cols; ++x) {
+      if (!(row[x] > 0)) continue;
+      const double place = (std::log10(row[x]) - kLowest) / (kHighest - kLowest);
+      const int bin = static_cast<int>(std::floor(place * kBins));
+      if (bin >= 0 && bin < kBins) shares[static_cast<std::size_t>(bin)] += share;
+    }
+  }
+  ++images;
+}
+
+double CornerHistogram::middle(int bin) {
+  return kLowest + (bin + 0.5) * (kHighest - kLowest) / kBins;
+}
+
+Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& config,
+                          const std::function<void(std::size_t, std::size_t)>& show) {
+  Inspection inspection;
+  inspection.dataset = read_recording(drone.mav0);
+  const Dataset& dataset = inspection.dataset;
+  const bool has_truth = dataset.ground_truth.has_value();
+  Observer raw(alone(config.agent, ThermalMode::kRaw, has_truth), dataset);
+  std::optional<Observer> calibrated;
+  if (dataset.thermal) {
+    calibrated.emplace(alone(config.agent, ThermalMode::kCalibrated, has_truth), dataset);
+  }
+  PhotometricLog log;
+  const auto pictured = picture_indices(dataset.images.size(), config.pictures);
+  std::size_t next_picture = 0;
+  for (std::size_t i = 0; i < dataset.images.size(); ++i) {
+    if (stop_requested()) throw std::runtime_error("inspect: interrupted, nothing is written");
+    show(i, dataset.images.size());
+    const ImageEntry& image = dataset.images[i];
+    const cv::Mat pixels = read_image(image, dataset.camera.width, dataset.camera.height);
+    const ImageResult raw_result = raw.fly(image.stamp_ns, pixels);
+    std::optional<ImageResult> result;
+    if (calibrated) result = calibrated->fly(image.stamp_ns, pixels);
+    const bool scene = (result ? *result : raw_result).content == ImageContent::kScene;
+    if (result) log.add(*result, pixels, *calibrated->calibration());
+    if (!scene) continue;
+    if (i % kHistogramInterval == 0) {
+      raw.count_corners();
+      if (calibrated) calibrated->count_corners();
+    }
+    // A moment at which the camera does not see is pictured as soon as it does.
+    if (next_picture < pictured.size() && i >= pictured[next_picture]) {
+      ++next_picture;
+      raw.take_picture(raw_result);
+      if (calibrated) calibrated->take_picture(*result);
+    }
+  }
+  show(dataset.images.size(), dataset.images.size());
+  inspection.raw = raw.finished();
+  if (calibrated) inspection.calibrated = calibrated->finished();
+  log.move_into(inspection);
+  return inspection;
+}
+
+}  // namespace covey

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// One drone's flight over its recording, looked at: what the tracker saw and followed. A thermal
+// camera's flight is flown twice at once, on raw and on calibrated images.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/config_file.h"
+#include "apps/dataset.h"
+#include "apps/pipeline.h"
+#include "apps/thermal_comparison.h"
+#include "apps/trajectory_file.h"
+
+namespace covey {
+
+struct InspectionConfig {
+  AgentConfig agent;  // how to fly; alone, whatever it says
+  int pictures = 4;   // evenly spread over the flight
+};
+
+// Share of an image's pixels by the logarithm of their Harris response (Harris and Stephens 1988).
+struct CornerHistogram {
+  static constexpr int kBins = 40;
+  static constexpr double kLowest = -9, kHighest = -1;  // log10 of the response, grey levels 0..1
+  std::array<double, kBins> shares{};                   // means over the images
+  std::int64_t images = 0;
+
+  void add(const cv::Mat& grey);
+  [[nodiscard]] static double middle(int bin);
+};
+
+struct DrawnTrack {
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  TrackKind kind = TrackKind::kOpportunistic;
+};
+
+struct Picture {
+  TimeNs stamp_ns = 0;
+  cv::Mat grey;  // CV_8UC1, what the tracker saw
+  std::vector<DrawnTrack> tracks;
+};
+
+struct InspectedFlight {
+  std::vector<Picture> pictures;
+  CornerHistogram corners;
+  std::vector<Eigen::Vector2d> tracks;  // s since the first image, number of tracks
+  double mean_tracks = 0, mean_length = 0;
+  int repeated_images = 0, uniform_images = 0, filter_restarts = 0;
+  Trajectory path;  // empty when the filter never started
+};
+
+struct Inspection {
+  Dataset dataset;
+  InspectedFlight raw;
+  std::optional<InspectedFlight> calibrated;  // of a thermal camera
+  std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
+  std::vector<FieldRecord> fields;            // twice a second
+  // |difference| between a patch's mean and that ten images before, in standard deviations of the
+  // image, median over the flight; of the same patches in raw and in calibrated levels.
+  std::optional<double> raw_residual, calibrated_residual;
+};
+
+// `show`: told how many images are done. Throws std::runtime_error naming file and line of a
+// recording that cannot be read, or when a stop was requested.
+[[nodiscard]] Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& config,
+                                        const std::function<void(std::size_t, std::size_t)>& show);
+
+}  // namespace covey

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How far work on many images has come, on stderr: a bar on a terminal, a line now and then in a
+// log file.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+
+namespace covey {
+
+class Progress {
+ public:
+  explicit Progress(std::size_t total);
+  void show(std::size_t done);
+
+ private:
+  std::size_t total_;
+  bool terminal_;
+  std::chrono::steady_clock::time_point start_;
+  double next_s_ = 0;
+};
+
+}  // namespace covey

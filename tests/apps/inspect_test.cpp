@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// `covey inspect`, as a person would run it, on a second of a simulated yard.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "apps/inspect_command.h"
+#include "apps/inspect_pictures.h"
+#include "apps/png_file.h"
+#include "apps/run_summary.h"
+#include "apps/simulate_command.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+// What the command complains about, or nothing.
+std::string run(const std::string& arguments) {
+  CLI::App app;
+  add_simulate_command(app);
+  add_inspect_command(app);
+  try {
+    app.parse(arguments, false);
+    return "";
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+}
+
+std::string text(const fs::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+TEST(Inspect, ShowsAThermalFlightRawAndCalibratedAgainstTheTruth) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
+  ASSERT_EQ(run("simulate mars_yard --agents 1 --seconds 1 --rate 15 --out " + yard.string()), "");
+  ASSERT_EQ(run("inspect " + yard.string() + " --images 1 --out " + out.string()), "");
+  for (const char* picture : {"before_after_1.png", "tracks_1.png", "field.png"}) {
+    const cv::Mat image = read_png((out / picture).string());
+    EXPECT_GT(image.cols, 2 * 640) << picture;
+    EXPECT_EQ(image.rows, 512) << picture;
+  }
+  for (const char* drawing : {"harris.svg", "tracks.svg", "gain_offset.svg"}) {
+    EXPECT_THAT(text(out / drawing), HasSubstr("class=\"curve")) << drawing;
+    EXPECT_THAT(text(out / "index.html"), HasSubstr(drawing));
+  }
+  const nlohmann::json summary = read_json_file(out / "summary.json");
+  EXPECT_EQ(summary["drone"], "uav0");
+  EXPECT_EQ(summary["images"], 15);
+  EXPECT_EQ(summary["thermal"], true);
+  EXPECT_GT(summary["calibrated"]["tracks"]["mean_per_frame"], 100);
+  EXPECT_LT(summary["calibrated"]["ate_se3_m"], 0.05);
+  EXPECT_LT(summary["patch_residual"]["calibrated"], summary["patch_residual"]["raw"]);
+  EXPECT_LT(summary["truth"]["gain_error"]["over_third_of_a_second"]["mean"], 0.05);
+}
+
+TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const std::string to = " --out " + out.string();
+  EXPECT_THAT(run("inspect " + folder.path().string() + to), HasSubstr("holds no drone"));
+  const fs::path yard = folder.path() / "yard";
+  ASSERT_EQ(run("simulate castle_parallel --agents 1 --seconds 1 --rate 2 --out " + yard.string()),
+            "");
+  EXPECT_THAT(run("inspect " + yard.string() + " --agent uav7" + to),
+              HasSubstr("holds no drone 'uav7': --agent takes one of uav0"));
+  fs::resize_file(find_drones(yard)[0].mav0 / "imu0" / "data.csv", 100);
+  EXPECT_NE(run("inspect " + yard.string() + to), "");
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1)
+      << "only the yard";
+}
+
+TEST(Inspect, DrawsTracksInThePapersColours) {
+  Picture picture{0, cv::Mat(40, 90, CV_8UC1, cv::Scalar(0)), {}};
+  picture.tracks = {{{20, 20}, TrackKind::kSlam},
+                    {{45, 20}, TrackKind::kMsckf},
+                    {{70, 20}, TrackKind::kOpportunistic}};
+  const cv::Mat drawing = draw_tracks(picture);
+  const auto colour = [&](int x) { return drawing.at<cv::Vec3b>(20, x + 4); };  // on the ring
+  EXPECT_GT(colour(20)[2], 200) << "blue";
+  EXPECT_LT(colour(20)[0], 100);
+  EXPECT_GT(colour(45)[0], 200) << "orange";
+  EXPECT_LT(colour(45)[2], 100);
+  EXPECT_GT(colour(70)[2], colour(70)[1] + 100) << "purple";
+  EXPECT_GT(colour(70)[0], colour(70)[1] + 80);
+  EXPECT_EQ(drawing.at<cv::Vec3b>(20, 20), cv::Vec3b(0, 0, 0)) << "the corner itself stays free";
+}
+
+TEST(CornerHistogram, ContrastMovesItToStrongerResponses) {
+  cv::Mat weak(64, 64, CV_8UC1, cv::Scalar(100));
+  for (int i = 8; i < 64; i += 16) {
+    for (int j = 8; j < 64; j += 16) weak(cv::Rect(i, j, 6, 6)).setTo(110);
+  }
+  const auto strongest = [](const cv::Mat& image) {
+    CornerHistogram corners;
+    corners.add(image);
+    int bin = CornerHistogram::kBins - 1;
+    while (bin > 0 && corners.shares[static_cast<std::size_t>(bin)] == 0) --bin;
+    return CornerHistogram::middle(bin);
+  };
+  // Ten times the contrast: ten thousand times the response.
+  EXPECT_NEAR(strongest((weak - 100) * 10 + 100) - strongest(weak), 4, 0.21) << "a bin is 0.2";
+}
+
+}  // namespace
+}  // namespace covey
