@@ -39,7 +39,7 @@ struct LabVariant {
 // Every combination is flown.
 struct LabGrid {
   std::vector<int> drones{0};  // 0: all of the dataset
-  std::vector<std::string> profiles{"radio"};
+  std::vector<std::string> profiles{"lossy_wifi"};
   std::vector<std::string> exchanges{"compact"};
   std::vector<LabVariant> variants{LabVariant{}};
   std::vector<double> loss{0}, mean_burst{1}, rate_mbit{0}, delay_ms{0};

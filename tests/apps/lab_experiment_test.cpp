@@ -83,7 +83,7 @@ TEST(LabExperiment, AMistakeIsOneLineThatNamesTheKey) {
       {{{"name", "n"}, {"seeds", 0.5}}, "'seeds' is not a whole number"},
       {{{"name", "n"}, {"fly", 1}}, "'fly' is neither true nor false"},
       {{{"name", "n"}, {"exchanges", "loud"}}, "'exchanges' knows compact, paper and naive"},
-      {{{"name", "n"}, {"profiles", "loud"}}, "'profiles': 'link.profile'"},
+      {{{"name", "n"}, {"profiles", "loud"}}, "'profiles': link.profile: no profile 'loud'"},
       {{{"name", "n"}, {"config", {{"estimator", {{"x", 1}}}}}}, "'config': unknown key"},
       {{{"name", "n"}, {"radio", 3}}, "'radio' is none"},
       {{{"name", "n"}, {"radio", json::object()}}, "'radio.half_range_m' is missing"},

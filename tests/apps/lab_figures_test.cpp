@@ -137,7 +137,7 @@ TEST(LabReport, ShowsEverySettingOnceAndAveragesItsSeeds) {
   for (const double loss : {0.0, 0.3}) {
     for (const std::uint64_t seed : {1, 2}) {
       LabOutcome outcome;
-      outcome.cell = {3, "radio", "compact", {}, {}, seed, 1};
+      outcome.cell = {3, "lossy_wifi", "compact", {}, {}, seed, 1};
       outcome.cell.quality.loss = loss;
       outcome.figures.arrived_share = 1 - loss - 0.1 * static_cast<double>(seed);
       outcome.figures.ate_ratio = 0.5 + loss;

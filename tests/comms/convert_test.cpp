@@ -138,7 +138,7 @@ TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   FullPeerKeyframe full = samples::full_keyframe();
   full.filter = samples::filter(10, 25);
   ASSERT_EQ(full.filter.covariance.rows(), 150);
-  EXPECT_NEAR(static_cast<double>(encode(full).size()), 180e3 + 4e3, 0.5e3);
+  EXPECT_NEAR(static_cast<double>(encode(full).size()), 180e3 + 3e3, 0.5e3);
 }
 
 TEST(Convert, TheLargestMessagesFitTheirLimits) {

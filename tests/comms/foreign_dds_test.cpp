@@ -137,7 +137,8 @@ TEST(ForeignDds, BrokenSamplesAreCountedAndTheLinkGoesOn) {
   Bytes truncated = encode(samples::advert("uav1"));
   truncated.resize(500);
   std::uint64_t sent = 0;
-  for (const Bytes& bytes : {bad_header, truncated, Bytes{0, 1, 0, 0}, Bytes{0, 1, 0, 0, 2}}) {
+  for (const Bytes& bytes :
+       {bad_header, truncated, Bytes{0, 1, 0, 0}, Bytes{0, 1, 0, 0, kWireVersion}}) {
     ASSERT_TRUE(say(writer, bytes));
     ASSERT_TRUE(link.wait_for_inbox({++sent, 0}, kPatience));
   }

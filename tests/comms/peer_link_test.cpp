@@ -112,7 +112,7 @@ TEST(PeerLink, ASaturatedLinkSendsWhatIsMostUsefulAndCountsTheRest) {
   ASSERT_TRUE(receiver.wait_for_peers({"uav0"}, kPatience));
   constexpr std::uint64_t kCount = 20;
   for (std::uint64_t i = 0; i < kCount; ++i) {
-    PeerKeyframe keyframe = samples::keyframe("uav0", "uav1");
+    PeerKeyframe keyframe = samples::keyframe("uav0", "uav1", 80);
     keyframe.pose.keyframe_id = i;
     ASSERT_TRUE(sender.send(keyframe));
   }
