@@ -43,7 +43,7 @@ TEST(LabExperiment, FliesEveryCombinationSeedsLast) {
   EXPECT_EQ(cells[1].quality.delay_s, 0.15);
   EXPECT_EQ(cells[3].seed, 4U);
   EXPECT_EQ(cells[4].seed, 5U);
-  EXPECT_EQ(cells.front().name(), "radio_compact_3drones_loss0_burst1_6mbit_20ms_seed4_run1");
+  EXPECT_EQ(cells.front().name(), "lossy_wifi_compact_3drones_loss0_burst1_6mbit_20ms_seed4_run1");
 }
 
 TEST(LabExperiment, ReadsWhatTheLinksDo) {
