@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
-#include <cmath>
 #include <set>
 #include <stdexcept>
 
@@ -157,7 +156,7 @@ void CentralFilter::update_known(const std::vector<Image>& images) {
         row.J_point * PHt.middleRows<kPoint>(row.landmark_offset);
   }
   S.diagonal().array() += 1;
-  correct(std::move(PHt), S, r);
+  correct(PHt, S, r);
 }
 
 void CentralFilter::meet_new(const std::vector<Image>& images) {
@@ -171,72 +170,75 @@ void CentralFilter::meet_new(const std::vector<Image>& images) {
   }
 }
 
-// Delayed initialisation: of the bearings' rows, reflected so that three of them determine the
-// landmark, the others are an update as that of an MSCKF feature.
-bool CentralFilter::meet(std::size_t id) {
-  struct Sight {
-    const Drone* drone;
-    const Clone* clone;
-    Bearing bearing;
-  };
+std::vector<CentralFilter::Sight> CentralFilter::sights_of(std::size_t id) const {
   std::vector<Sight> sights;
-  std::vector<View> views;
   for (const Drone& drone : drones_) {
     for (const Clone& clone : drone.clones) {
       const auto seen = clone.seen.find(id);
-      if (seen == clone.seen.end()) continue;
-      sights.push_back({&drone, &clone, seen->second});
-      views.push_back(
-          {camera_pose(clone.pose, drone.extrinsics), seen->second.bearing, seen->second.sigma});
+      if (seen != clone.seen.end()) sights.push_back({&drone, &clone, seen->second});
     }
   }
-  if (sights.size() < config_.min_bearings) return false;
-  const auto point = triangulate(views, {config_.estimator.min_depth, config_.estimator.max_depth});
-  if (!point || point->relative_depth_error > config_.max_depth_error) return false;
-  Landmark landmark{id, static_cast<int>(P_.rows()), 0, point->p_world, point->p_world};
+  return sights;
+}
 
+std::optional<CentralFilter::Landmark> CentralFilter::locate(
+    std::size_t id, const std::vector<Sight>& sights) const {
+  std::vector<View> views;
+  TimeNs seen_ns = 0;
+  for (const Sight& sight : sights) {
+    views.push_back({camera_pose(sight.clone->pose, sight.drone->extrinsics), sight.bearing.bearing,
+                     sight.bearing.sigma});
+    seen_ns = std::max(seen_ns, sight.clone->stamp_ns);
+  }
+  const auto point = triangulate(views, {config_.estimator.min_depth, config_.estimator.max_depth});
+  if (!point || point->relative_depth_error > config_.max_depth_error) return std::nullopt;
+  return Landmark{id, static_cast<int>(P_.rows()), seen_ns, point->p_world, point->p_world};
+}
+
+// Delayed initialisation: of the bearings' rows, reflected so that three of them determine the
+// landmark, the others are an update as that of an MSCKF feature.
+bool CentralFilter::meet(std::size_t id) {
+  const std::vector<Sight> sights = sights_of(id);
+  if (sights.size() < config_.min_bearings) return false;
+  std::optional<Landmark> landmark = locate(id, sights);
+  if (!landmark) return false;
   const auto rows = 2 * static_cast<Eigen::Index>(sights.size());
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(rows, P_.rows());
   Eigen::MatrixXd H_point(rows, kPoint);
   Eigen::VectorXd r(rows);
   for (std::size_t k = 0; k < sights.size(); ++k) {
     const Sight& sight = sights[k];
-    const auto row = rows_of(*sight.drone, *sight.clone, landmark, sight.bearing);
+    const auto row = rows_of(*sight.drone, *sight.clone, *landmark, sight.bearing);
     if (!row) return false;
     const auto at = 2 * static_cast<Eigen::Index>(k);
     H.block<2, kClone>(at, sight.clone->offset) = row->J_pose;
     H_point.middleRows<2>(at) = row->J_point;
     r.segment<2>(at) = row->r;
-    landmark.seen_ns = std::max(landmark.seen_ns, sight.clone->stamp_ns);
   }
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(H_point);
-  const Eigen::MatrixXd QtH = qr.householderQ().transpose() * H;
-  const Eigen::VectorXd Qtr = qr.householderQ().transpose() * r;
+  H = qr.householderQ().transpose() * H;
+  r = qr.householderQ().transpose() * r;
   const Eigen::Matrix3d R = qr.matrixQR().topRows<kPoint>().triangularView<Eigen::Upper>();
-  const Eigen::Matrix3d R_inverse = R.inverse();
-  const Eigen::MatrixXd J = -R_inverse * QtH.topRows<kPoint>();
+  join(*landmark, R.inverse(), H.topRows<kPoint>(), r.head<kPoint>());
+  Eigen::MatrixXd rest = Eigen::MatrixXd::Zero(rows - kPoint, P_.rows());
+  rest.leftCols(H.cols()) = H.bottomRows(rows - kPoint);
+  update(rest, r.tail(rows - kPoint));
+  return true;
+}
+
+// r = H dx + R dp + n with unit noise, for the landmark's error dp.
+void CentralFilter::join(Landmark landmark, const Eigen::Matrix3d& R_inverse,
+                         const Eigen::MatrixXd& H, const Eigen::Vector3d& r) {
+  const Eigen::MatrixXd J = -R_inverse * H;
   const Eigen::MatrixXd cross = J * P_;
   const Eigen::Matrix3d own = cross * J.transpose() + R_inverse * R_inverse.transpose();
-  const double distance =
-      (landmark.p_world -
-       camera_pose(sights.front().clone->pose, sights.front().drone->extrinsics).p_world_cam)
-          .norm();
-  // How far it is from its first view, known to this share: else its Jacobians do not hold.
-  const Eigen::Vector3d along = (landmark.p_world - views.front().camera.p_world_cam) / distance;
-  const double spread = along.dot(R_inverse * R_inverse.transpose() * along);
-  if (!(std::sqrt(spread) < config_.max_depth_error * distance)) return false;
-
   grow(kPoint);
   P_.bottomLeftCorner(kPoint, landmark.offset) = cross;
   P_.topRightCorner(landmark.offset, kPoint) = cross.transpose();
   P_.bottomRightCorner<kPoint, kPoint>() = own;
-  landmark.p_world += R_inverse * Qtr.head<kPoint>();
-  index_of_[id] = landmarks_.size();
+  landmark.p_world += R_inverse * r;
+  index_of_[landmark.id] = landmarks_.size();
   landmarks_.push_back(landmark);
-  Eigen::MatrixXd rest = Eigen::MatrixXd::Zero(rows - kPoint, P_.rows());
-  rest.leftCols(H.cols()) = QtH.bottomRows(rows - kPoint);
-  update(rest, Qtr.tail(rows - kPoint));
-  return true;
 }
 
 void CentralFilter::forget_clones() {
@@ -272,15 +274,15 @@ void CentralFilter::update(const Eigen::MatrixXd& H, const Eigen::VectorXd& r) {
   correct(PHt, S, r);
 }
 
-void CentralFilter::correct(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S,
+void CentralFilter::correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& S,
                             const Eigen::VectorXd& r) {
   const Eigen::LLT<Eigen::MatrixXd> cholesky(S);
   if (cholesky.info() != Eigen::Success) {
     throw std::logic_error("central filter: innovation covariance not positive definite");
   }
-  cholesky.matrixU().solveInPlace<Eigen::OnTheRight>(PHt);  // W = P H^T L^-T
-  const Eigen::VectorXd dx = PHt * cholesky.matrixL().solve(r);
-  P_.selfadjointView<Eigen::Lower>().rankUpdate(PHt, -1.0);
+  const Eigen::MatrixXd W = cholesky.matrixU().solve<Eigen::OnTheRight>(PHt);
+  const Eigen::VectorXd dx = W * cholesky.matrixL().solve(r);
+  P_.selfadjointView<Eigen::Lower>().rankUpdate(W, -1.0);
   for (Eigen::Index i = 1; i < P_.cols(); ++i) P_.col(i).head(i) = P_.row(i).head(i).transpose();
   apply(dx);
 }

@@ -77,6 +77,12 @@ class CentralFilter {
     TimeNs seen_ns = 0;
     Eigen::Vector3d p_world = Eigen::Vector3d::Zero(), first = Eigen::Vector3d::Zero();
   };
+  // A bearing that has not counted yet.
+  struct Sight {
+    const Drone* drone = nullptr;
+    const Clone* clone = nullptr;
+    Bearing bearing;
+  };
   // One bearing's whitened rows: r = J_pose dx_clone + J_point dx_landmark + n.
   struct Rows {
     int clone_offset = 0, landmark_offset = 0;
@@ -91,7 +97,12 @@ class CentralFilter {
   void update_known(const std::vector<Image>& images);
   void meet_new(const std::vector<Image>& images);
   // Whether it could be; it is worth another try with more bearings.
-  bool meet(std::size_t landmark);
+  bool meet(std::size_t id);
+  [[nodiscard]] std::vector<Sight> sights_of(std::size_t id) const;
+  [[nodiscard]] std::optional<Landmark> locate(std::size_t id,
+                                               const std::vector<Sight>& sights) const;
+  void join(Landmark landmark, const Eigen::Matrix3d& R_inverse, const Eigen::MatrixXd& H,
+            const Eigen::Vector3d& r);
   void forget_clones();
   void forget_landmarks();
   [[nodiscard]] static std::optional<Rows> rows_of(const Drone& drone, const Clone& clone,
@@ -100,7 +111,7 @@ class CentralFilter {
   // r = H dx + n with unit noise, dense.
   void update(const Eigen::MatrixXd& H, const Eigen::VectorXd& r);
   // The same out of P H^T and the innovation's covariance.
-  void correct(Eigen::MatrixXd PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& r);
+  void correct(const Eigen::MatrixXd& PHt, const Eigen::MatrixXd& S, const Eigen::VectorXd& r);
   void apply(const Eigen::VectorXd& dx);
   void grow(int size);
   void remove(int offset, int size);
