@@ -67,7 +67,8 @@ TEST(LinkProfiles, EveryShippedProfileWorksAndEveryValueOfItHasItsReason) {
 
 // A value that is changed brings a reason of its own; a reason without a value is a leftover.
 TEST(LinkProfiles, EachShippedSectionHasAsManyReasonsAsValues) {
-  for (const auto& [name, profile] : shipped().items()) {
+  const json profiles = shipped();
+  for (const auto& [name, profile] : profiles.items()) {
     for (const auto& [section, values] : profile.items()) {
       if (!values.is_object()) continue;
       for (const auto& [key, value] : values.items()) {
