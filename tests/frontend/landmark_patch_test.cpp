@@ -126,8 +126,7 @@ TEST(LandmarkPatch, HostileNumbersFindNothing) {
   const ImagePyramid image = see_wall(own_pose());
   LandmarkPatch patch{};
   const double nan = std::nan("");
-  for (int i = 0; i < 32; ++i)
-    patch[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(37 * i);
+  for (std::size_t i = 0; i < patch.size(); ++i) patch[i] = static_cast<std::uint8_t>(37 * i);
   EXPECT_FALSE(
       find_landmark_patch(image, camera(), {{nan, 0}, 0.1, &patch, kSpacing}, own_pose(), {}));
   EXPECT_FALSE(
