@@ -100,12 +100,11 @@ bool CentralFilter::becomes_keyframe(const Drone& drone, const TrackList& tracks
   const auto last = std::find_if(drone.clones.rbegin(), drone.clones.rend(),
                                  [](const Clone& clone) { return clone.keyframe; });
   if (last == drone.clones.rend()) return true;
-  const EstimatorConfig& config = config_.estimator;
   const ViewChange change =
       compare_views(drone.reference, camera_pose(last->pose, drone.extrinsics), tracks,
                     camera_pose(drone.imu.pose, drone.extrinsics));
-  return change.parallax > config.keyframe_parallax || change.shared < config.keyframe_min_shared ||
-         seconds_between(last->stamp_ns, drone.imu.stamp_ns) > config.keyframe_max_age_s;
+  return is_new_view(config_.estimator, change,
+                     seconds_between(last->stamp_ns, drone.imu.stamp_ns));
 }
 
 std::optional<CentralFilter::Rows> CentralFilter::rows_of(const Drone& drone, const Clone& clone,

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "apps/stop_signal.h"
+#include "estimator/median.h"
 
 namespace covey {
 namespace {
@@ -42,12 +43,6 @@ std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
   const auto parts = static_cast<std::size_t>(pictures) + 1;
   for (std::size_t i = 1; i < parts; ++i) indices.push_back(images * i / parts);
   return indices;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // One flight, and what is kept of it.

@@ -156,7 +156,7 @@ void read_grid(StrictObject& object, LabGrid& grid) {
   object.texts("profiles", grid.profiles);
   object.texts("exchanges", grid.exchanges);
   for (const std::string& exchange : grid.exchanges) {
-    if (exchange != "compact" && exchange != "paper" && exchange != "naive") {
+    if (!exchange_from_name(exchange)) {
       object.fail("exchanges", "knows compact, paper and naive, not '" + exchange + "'");
     }
   }

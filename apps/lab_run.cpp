@@ -36,11 +36,6 @@ std::set<std::string> shared_memory() {
   return segments;
 }
 
-ExchangeMode exchange_mode(const std::string& name) {
-  if (name == "paper") return ExchangeMode::kPaper;
-  return name == "naive" ? ExchangeMode::kNaive : ExchangeMode::kCompact;
-}
-
 // Where the drones are, for links whose quality follows their distance.
 struct FlownPaths {
   std::vector<GroundTruth> truths;
@@ -181,7 +176,7 @@ TeamOptions LabRun::team_of(const LabCell& cell) const {
     team.drones.push_back(std::move(drone));
   }
   team.out = folder_of(cell);
-  team.exchange = exchange_mode(cell.exchange);
+  team.exchange = exchange_from_name(cell.exchange).value();
   team.pace = Pace::kRate;
   team.real_time_factor = experiment_.pace;
   team.config = experiment_.config;

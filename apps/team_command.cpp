@@ -71,11 +71,6 @@ InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>&
   return all_known ? InitMethod::kGroundTruth : InitMethod::kStatic;
 }
 
-ExchangeMode chosen_exchange(const std::string& exchange) {
-  if (exchange == "paper") return ExchangeMode::kPaper;
-  return exchange == "naive" ? ExchangeMode::kNaive : ExchangeMode::kCompact;
-}
-
 void choose_pace(const std::string& pace, TeamOptions& team) {
   if (pace == "lockstep") return;
   char* end = nullptr;
@@ -142,7 +137,7 @@ TeamOptions team_options(const Options& options) {
   team.drones = chosen_drones(options);
   team.out = options.out.empty() ? default_run(options) : fs::path(options.out);
   team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
-  team.exchange = chosen_exchange(options.exchange);
+  team.exchange = exchange_from_name(options.exchange).value_or(ExchangeMode::kCompact);
   team.init = chosen_start(options.init, team.drones);
   choose_pace(options.pace, team);
   if (!options.config_file.empty()) {

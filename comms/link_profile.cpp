@@ -32,9 +32,6 @@ void check_bucket(const std::string& name, int rate, int burst, int datagram_byt
 }  // namespace
 
 LinkProfile::LinkProfile() {
-  discovery.lease_ms = 9000;
-  discovery.announcement_ms = 3000;
-  discovery.ports_per_host = 1;
   request.depth = 8;
   request.lifespan_ms = 200;
   request.piggyback = true;

@@ -41,11 +41,11 @@ enum class DiscoveryMode : std::uint8_t { kUnicast, kMulticast, kServer };
 
 struct DiscoveryProfile {
   DiscoveryMode mode = DiscoveryMode::kUnicast;
-  int lease_ms = 4000;          // a drone that is silent for so long is forgotten
-  int announcement_ms = 1000;   // between two signs of life
+  int lease_ms = 9000;          // a drone that is silent for so long is forgotten
+  int announcement_ms = 3000;   // between two signs of life
   int first_announcements = 5;  // at the start, in quick succession
   int first_announcement_ms = 100;
-  int ports_per_host = 4;  // where drones of one host are looked for
+  int ports_per_host = 1;  // where drones of one host are looked for
   int farewell_ms = 0;     // wait at the end until all has been acknowledged
 };
 

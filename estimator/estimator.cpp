@@ -175,8 +175,7 @@ bool Estimator::Impl::becomes_keyframe(const TrackList& tracks) const {
   const ViewChange change = compare_views(reference, reference_camera, tracks, present_camera);
   const double age = seconds_between(state->clones()[static_cast<std::size_t>(last)].stamp_ns,
                                      state->imu().stamp_ns);
-  return change.parallax > config.keyframe_parallax || change.shared < config.keyframe_min_shared ||
-         age > config.keyframe_max_age_s;
+  return is_new_view(config, change, age);
 }
 
 // Tracks to be used now: those that ended, and those whose oldest view is about to leave.

@@ -2,6 +2,9 @@
 #include "estimator/keyframe_policy.h"
 
 #include <algorithm>
+#include <utility>
+
+#include "estimator/median.h"
 
 namespace covey {
 
@@ -28,9 +31,13 @@ ViewChange compare_views(const TrackList& reference, const CameraPose& reference
     motions.push_back((turned.head<2>() / turned.z() - old->bearing).norm());
   }
   if (motions.empty()) return {};
-  const auto middle = motions.begin() + static_cast<std::ptrdiff_t>(motions.size() / 2);
-  std::nth_element(motions.begin(), middle, motions.end());
-  return {*middle, static_cast<double>(motions.size()) / static_cast<double>(present.size())};
+  const double shared = static_cast<double>(motions.size()) / static_cast<double>(present.size());
+  return {median(std::move(motions)), shared};
+}
+
+bool is_new_view(const EstimatorConfig& config, const ViewChange& change, double age_s) {
+  return change.parallax > config.keyframe_parallax || change.shared < config.keyframe_min_shared ||
+         age_s > config.keyframe_max_age_s;
 }
 
 }  // namespace covey

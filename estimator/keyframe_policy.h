@@ -24,4 +24,8 @@ using TrackList = std::vector<TrackObservation>;
                                        const CameraPose& reference_camera, const TrackList& present,
                                        const CameraPose& present_camera);
 
+// Whether the present image becomes a keyframe; `age_s`: since the last one.
+[[nodiscard]] bool is_new_view(const EstimatorConfig& config, const ViewChange& change,
+                               double age_s);
+
 }  // namespace covey

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/median.h"
+
 namespace covey {
 namespace {
 
@@ -23,12 +25,6 @@ constexpr double kStartOutlier = 3.0;         // root mean square of a track's r
 
 int window_columns(const State& state) {
   return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 // The youngest keyframe that saw the track: it stays in the window longest.

@@ -167,6 +167,14 @@ const char* to_string(ExchangeMode exchange) {
   return "naive";
 }
 
+std::optional<ExchangeMode> exchange_from_name(const std::string& name) {
+  for (const ExchangeMode mode :
+       {ExchangeMode::kCompact, ExchangeMode::kPaper, ExchangeMode::kNaive}) {
+    if (name == to_string(mode)) return mode;
+  }
+  return std::nullopt;
+}
+
 const char* to_string(NoMatchReason reason) {
   switch (reason) {
     case NoMatchReason::kNotForUs:

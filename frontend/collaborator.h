@@ -46,6 +46,7 @@ enum class ExchangeMode : std::uint8_t {
 };
 
 [[nodiscard]] const char* to_string(ExchangeMode exchange);
+[[nodiscard]] std::optional<ExchangeMode> exchange_from_name(const std::string& name);
 
 struct CollaboratorConfig {
   std::string agent = "uav0";  // own name

@@ -7,6 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "estimator/median.h"
+
 namespace covey {
 namespace {
 
@@ -51,12 +53,6 @@ bool is_by_patch(const std::vector<TrackGrey>& tracks) {
   return std::is_sorted(tracks.begin(), tracks.end(), [](const TrackGrey& a, const TrackGrey& b) {
     return a.patch_id < b.patch_id;
   });
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 constexpr std::size_t kNearest = 2;  // neighbours of a track it is compared with
@@ -137,7 +133,7 @@ std::optional<GainOffset> TemporalGain::against(const PastImage& past,
     while (before != past.tracks.end() && before->patch_id < track.patch_id) ++before;
     if (before == past.tracks.end()) break;
     if (before->patch_id != track.patch_id) continue;
-    seen[i] = GreyPair{track.grey - present.field(track.pixel) / latest_.gain,
+    seen[i] = GreyPair{track.grey - present.field_here[i] / latest_.gain,
                        before->grey - present.field(before->pixel) / past.map.gain};
     ++shared;
   }
@@ -162,7 +158,8 @@ std::optional<GainOffset> TemporalGain::against(const PastImage& past,
 GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks,
                                   const FieldAt& field) const {
   assert(is_by_patch(tracks));
-  const PresentImage present{tracks, nearest_of_each(tracks), field};
+  PresentImage present{tracks, nearest_of_each(tracks), {}, field};
+  for (const TrackGrey& track : tracks) present.field_here.push_back(field(track.pixel));
   double middle = 0;  // grey level at which the offsets are averaged
   for (const TrackGrey& track : tracks) middle += track.grey / static_cast<double>(tracks.size());
   double log_gain = 0, level = 0;

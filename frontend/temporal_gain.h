@@ -81,10 +81,11 @@ class TemporalGain {
     GainOffset map;
     std::vector<TrackGrey> tracks;  // by id
   };
-  // An image's tracks, two for each of them that are nearest to it, and the field there.
+  // An image's tracks, two for each of them that are nearest to it, and the field at each.
   struct PresentImage {
     const std::vector<TrackGrey>& tracks;
     std::vector<std::size_t> nearest;
+    std::vector<double> field_here;
     const FieldAt& field;
   };
   [[nodiscard]] std::optional<GainOffset> against(const PastImage& past,

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimator/median.h"
 #include "frontend/image_pyramid.h"
 #include "frontend/orb.h"
 
@@ -58,12 +59,6 @@ double pixels_per_bearing(const CameraIntrinsics& camera, const Eigen::Vector2d&
   Eigen::Matrix2d J;
   [[maybe_unused]] const Eigen::Vector2d pixel = project(camera, bearing, &J);
   return std::sqrt(std::abs(J.determinant()));
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 void check(const TrackerConfig& config, const CameraIntrinsics& camera) {
