@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/feature_team.h"
 
+#include <algorithm>
+#include <iterator>
+#include <optional>
 #include <utility>
 
 #include "apps/central_filter.h"
 #include "apps/process_usage.h"
+#include "apps/split_intersection.h"
 #include "estimator/relative_pose.h"
 
 namespace covey {
@@ -15,15 +19,48 @@ void record(TeamMember& member, const Odometry& odometry, const Pose& truth) {
   member.path.truth.push_back(truth);
 }
 
-void fuse(DriftFilter& drift, const std::string& own_name, const KeyframeMatch& match,
-          int min_matches, TeamMember& member) {
-  const auto relative = estimate_relative_pose(match, min_matches);
-  if (!relative) return;
-  const DriftOutcome outcome = drift.add(*relative);
-  member.used += outcome == DriftOutcome::kUsed ? 1 : 0;
-  member.gated += outcome == DriftOutcome::kGated ? 1 : 0;
-  const bool of_peer = match.drone != own_name;
-  if (outcome == DriftOutcome::kUsed && of_peer) member.peers.insert(match.drone);
+void count(const KeyframeMatch& match, const std::string& own_name, bool used, bool gated,
+           TeamMember& member) {
+  member.used += used ? 1 : 0;
+  member.gated += gated ? 1 : 0;
+  if (used && match.drone != own_name) member.peers.insert(match.drone);
+}
+
+// Flights that were flown, with a corrector beside each that has add_own() and corrected();
+// `fuse(i, match)` gives drone i a match.
+template <typename Corrector, typename Fuse>
+std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange exchange,
+                                     std::vector<Corrector>& correctors, const Fuse& fuse) {
+  std::vector<TeamMember> members(team.names.size());
+  const auto timed = [&](std::size_t i, const auto& work) {
+    const double start_ms = thread_cpu_ms();
+    work();
+    members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
+  };
+  const auto fuse_all = [&](std::size_t i, const std::vector<KeyframeMatch>& matches) {
+    timed(i, [&] {
+      for (const KeyframeMatch& match : matches) fuse(i, match, members[i]);
+    });
+  };
+  for (std::size_t k = 0; k < team.flights.front().size(); ++k) {
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      const FlownImage& image = team.flights[i][k];
+      if (image.keyframe) {
+        correctors[i].add_own(image.keyframe->pose);
+        exchange.add_keyframe(i, *image.keyframe);
+        fuse_all(i, exchange.revisit(i));
+      }
+      Odometry corrected;
+      timed(i, [&] { corrected = correctors[i].corrected(image.alone); });
+      record(members[i], corrected, image.truth);
+    }
+    // Answers come after the image.
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      if (team.flights[i][k].keyframe) fuse_all(i, exchange.ask(i));
+    }
+  }
+  for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
+  return members;
 }
 
 CentralStart take_over(const FilterSnapshot& filter, const CameraExtrinsics& extrinsics) {
@@ -110,35 +147,31 @@ std::vector<TeamMember> alone(const SoloTeam& team) {
 
 std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange exchange,
                                      const DriftConfig& drift, int min_matches) {
-  std::vector<TeamMember> members(team.names.size());
   std::vector<DriftFilter> filters;
   for (const std::string& name : team.names) filters.emplace_back(drift, name);
-  const auto fuse_all = [&](std::size_t i, const std::vector<KeyframeMatch>& matches) {
-    const double start_ms = thread_cpu_ms();
-    for (const KeyframeMatch& match : matches)
-      fuse(filters[i], team.names[i], match, min_matches, members[i]);
-    members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
+    const auto relative = estimate_relative_pose(match, min_matches);
+    if (!relative) return;
+    const DriftOutcome outcome = filters[i].add(*relative);
+    count(match, team.names[i], outcome == DriftOutcome::kUsed, outcome == DriftOutcome::kGated,
+          member);
   };
-  for (std::size_t k = 0; k < team.flights.front().size(); ++k) {
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      const FlownImage& image = team.flights[i][k];
-      if (image.keyframe) {
-        filters[i].add_own(image.keyframe->pose);
-        exchange.add_keyframe(i, *image.keyframe);
-        fuse_all(i, exchange.revisit(i));
-      }
-      const double start_ms = thread_cpu_ms();
-      const Odometry corrected = filters[i].corrected(image.alone);
-      members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
-      record(members[i], corrected, image.truth);
-    }
-    // Answers come after the image.
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      if (team.flights[i][k].keyframe) fuse_all(i, exchange.ask(i));
-    }
-  }
-  for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
-  return members;
+  return exchange_all(team, std::move(exchange), filters, fuse);
+}
+
+std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team, FeatureExchange exchange,
+                                                   int min_matches) {
+  std::vector<SplitIntersection> filters(team.names.size());
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
+    const auto relative = estimate_relative_pose(match, min_matches);
+    if (!relative) return;
+    const auto other = static_cast<std::size_t>(std::distance(
+        team.names.begin(), std::find(team.names.begin(), team.names.end(), match.drone)));
+    const std::optional<DriftEstimate> theirs = filters[other].at(match.other.keyframe_id);
+    const bool used = theirs && filters[i].fuse(*relative, *theirs);
+    count(match, team.names[i], used, !used, member);
+  };
+  return exchange_all(team, std::move(exchange), filters, fuse);
 }
 
 std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,

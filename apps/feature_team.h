@@ -40,6 +40,11 @@ struct TeamMember {
 [[nodiscard]] std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange exchange,
                                                    const DriftConfig& drift, int min_matches);
 
+// The same by split covariance intersection (SplitIntersection).
+[[nodiscard]] std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team,
+                                                                 FeatureExchange exchange,
+                                                                 int min_matches);
+
 // Covariance intersection inside the filters: these have to fly again.
 [[nodiscard]] std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,
                                                            const EstimatorConfig& config,

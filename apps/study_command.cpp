@@ -70,6 +70,9 @@ void add_study_command(CLI::App& covey) {
   command->add_option("--seeds", options->study.seeds, "Runs from seed 1 on")
       ->capture_default_str()
       ->check(CLI::Range(1, 10000));
+  command->add_option("--noise", options->study.pixel_sigma, "Pixels of noise in each image")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 10.0));
   command
       ->add_option("--mismatch", options->study.corner_mismatch_px,
                    "Pixels between two drones' corners on one landmark")

@@ -15,16 +15,16 @@ namespace {
 using Json = nlohmann::json;
 
 Json to_json(const TeamFigures& figures) {
-  return {{"aligned_m", figures.aligned_m},
-          {"unaligned_m", figures.unaligned_m},
-          {"position_nees", figures.position_nees},
-          {"orientation_nees", figures.orientation_nees}};
+  return {{"aligned_m", figures.aligned_m},         {"unaligned_m", figures.unaligned_m},
+          {"position_nees", figures.position_nees}, {"orientation_nees", figures.orientation_nees},
+          {"worse_aligned", figures.worse_aligned}, {"worse_unaligned", figures.worse_unaligned}};
 }
 
 Json to_json(const StudyConfig& config) {
   return {{"scenario", config.scenario},
           {"seeds", config.seeds},
           {"duration_s", config.duration_s},
+          {"pixel_sigma", config.pixel_sigma},
           {"corner_mismatch_px", config.corner_mismatch_px}};
 }
 
@@ -57,12 +57,15 @@ std::string scaling_csv(const std::vector<ScalingPoint>& points) {
 }
 
 std::string ablation_csv(const std::vector<AblationRow>& rows) {
-  std::string csv = "variant,aligned_m,unaligned_m,position_nees,orientation_nees,relative_poses\n";
+  std::string csv =
+      "variant,aligned_m,unaligned_m,position_nees,orientation_nees,worse_aligned,worse_unaligned,"
+      "relative_poses\n";
   for (const AblationRow& row : rows) {
+    const TeamFigures& f = row.figures;
     char numbers[128];
-    std::snprintf(numbers, sizeof numbers, ",%.5f,%.5f,%.3f,%.3f,%.1f\n", row.figures.aligned_m,
-                  row.figures.unaligned_m, row.figures.position_nees, row.figures.orientation_nees,
-                  row.relative_poses);
+    std::snprintf(numbers, sizeof numbers, ",%.5f,%.5f,%.3f,%.3f,%.3f,%.3f,%.1f\n", f.aligned_m,
+                  f.unaligned_m, f.position_nees, f.orientation_nees, f.worse_aligned,
+                  f.worse_unaligned, row.relative_poses);
     csv += "\"" + row.variant + "\"" + numbers;
   }
   return csv;
@@ -173,16 +176,17 @@ std::string scaling_table(const std::vector<ScalingPoint>& points) {
 
 std::string ablation_table(const std::vector<AblationRow>& rows) {
   char line[192];
-  std::snprintf(line, sizeof line, "%-48s %12s %6s %13s %6s %7s %7s %6s\n", "variant",
-                "aligned [m]", "ratio", "unaligned [m]", "ratio", "NEES p", "NEES q", "used");
+  std::snprintf(line, sizeof line, "%-50s %11s %6s %13s %6s %6s %6s %6s %9s\n", "variant",
+                "aligned [m]", "ratio", "unaligned [m]", "ratio", "NEES p", "NEES q", "used",
+                "worse [%]");
   std::string table = line;
   for (const AblationRow& row : rows) {
-    const TeamFigures& alone = rows.front().figures;
-    std::snprintf(line, sizeof line, "%-48s %12.4f %6.3f %13.4f %6.3f %7.2f %7.2f %6.1f\n",
-                  row.variant.c_str(), row.figures.aligned_m,
-                  row.figures.aligned_m / alone.aligned_m, row.figures.unaligned_m,
-                  row.figures.unaligned_m / alone.unaligned_m, row.figures.position_nees,
-                  row.figures.orientation_nees, row.relative_poses);
+    const TeamFigures &f = row.figures, &alone = rows.front().figures;
+    std::snprintf(line, sizeof line,
+                  "%-50s %11.4f %6.3f %13.4f %6.3f %6.2f %6.2f %6.1f %4.0f %4.0f\n",
+                  row.variant.c_str(), f.aligned_m, f.aligned_m / alone.aligned_m, f.unaligned_m,
+                  f.unaligned_m / alone.unaligned_m, f.position_nees, f.orientation_nees,
+                  row.relative_poses, 100 * f.worse_aligned, 100 * f.worse_unaligned);
     table += line;
   }
   return table;

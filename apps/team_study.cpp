@@ -32,6 +32,7 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   scenario.flight.scenario = *place;
   scenario.flight.agents = drones;
   scenario.flight.duration_s = config.duration_s;
+  scenario.camera.pixel_sigma = config.pixel_sigma;
   scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
   SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}};
   for (std::size_t i = 0; i < team.simulation.drones.size(); ++i) {
@@ -50,15 +51,20 @@ std::vector<TeamMember> fuse(const SimulatedTeam& team, const FeatureExchangeCon
                       exchange.limits.min_matches);
 }
 
-void add(TeamFigures& sum, const std::vector<TeamMember>& members, int seeds) {
+void add(TeamFigures& sum, const std::vector<TeamMember>& members, const SoloTeam& solo,
+         int seeds) {
   constexpr double kDegreesOfFreedom = 3;
+  constexpr double kWorse = 1.03;
+  const std::vector<TeamMember> by_itself = alone(solo);
   const double share = 1 / (static_cast<double>(members.size()) * seeds);
-  for (const TeamMember& member : members) {
-    const PathFigures figures = figures_of(member.path);
+  for (std::size_t i = 0; i < members.size(); ++i) {
+    const PathFigures figures = figures_of(members[i].path), own = figures_of(by_itself[i].path);
     sum.aligned_m += share * figures.aligned_m;
     sum.unaligned_m += share * figures.unaligned_m;
     sum.position_nees += share * figures.position_nees / kDegreesOfFreedom;
     sum.orientation_nees += share * figures.orientation_nees / kDegreesOfFreedom;
+    sum.worse_aligned += figures.aligned_m > kWorse * own.aligned_m ? share : 0;
+    sum.worse_unaligned += figures.unaligned_m > kWorse * own.unaligned_m ? share : 0;
   }
 }
 
@@ -131,6 +137,12 @@ std::vector<Variant> variants() {
                                      team.exchange.seed,
                                      FeatureExchange(team.exchange, team.solo.names));
        }},
+      {"split covariance intersection of corrected poses",
+       [](const SimulatedTeam& team) {
+         return fuse_by_split_intersection(team.solo,
+                                           FeatureExchange(team.exchange, team.solo.names),
+                                           team.exchange.limits.min_matches);
+       }},
       {"joint, unlimited answers, corners coincide", fuse_unlimited},
       {"the central filter, each drone by itself",
        [](const SimulatedTeam& team) { return fuse_centrally(team, each_by_itself(team)); }},
@@ -146,9 +158,9 @@ ScalingPoint study_team_size(const StudyConfig& config, int drones) {
   point.drones = drones;
   for (int seed = 1; seed <= config.seeds; ++seed) {
     const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
-    add(point.alone, alone(team.solo), config.seeds);
+    add(point.alone, alone(team.solo), team.solo, config.seeds);
     const std::vector<TeamMember> together = fuse(team, team.exchange);
-    add(point.together, together, config.seeds);
+    add(point.together, together, team.solo, config.seeds);
     const double share = 1 / (static_cast<double>(drones) * config.seeds);
     for (const TeamMember& member : together) {
       const double per_s = share / flown_s(member);
@@ -172,7 +184,7 @@ std::vector<AblationRow> study_parts(const StudyConfig& config, int drones) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       const std::vector<TeamMember> members = all[i].second(team);
       rows[i].variant = all[i].first;
-      add(rows[i].figures, members, config.seeds);
+      add(rows[i].figures, members, team.solo, config.seeds);
       for (const TeamMember& member : members) {
         rows[i].relative_poses +=
             member.used / (static_cast<double>(members.size()) * config.seeds);

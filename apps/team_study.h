@@ -13,6 +13,7 @@ struct StudyConfig {
   std::string scenario = "castle_around";
   double duration_s = 0;             // 0: the scenario's own
   int seeds = 3;                     // 1, 2, ...
+  double pixel_sigma = 0.3;          // of a corner in one image, px; as TrackerConfig has it
   double corner_mismatch_px = 0.15;  // left between what two drones see of one landmark
 };
 
@@ -20,6 +21,8 @@ struct StudyConfig {
 struct TeamFigures {
   double aligned_m = 0, unaligned_m = 0;           // RMSE of the position
   double position_nees = 0, orientation_nees = 0;  // over degrees of freedom
+  // Share of the drones that are more than 3 % worse than alone.
+  double worse_aligned = 0, worse_unaligned = 0;
 };
 
 struct ScalingPoint {

@@ -12,17 +12,15 @@
 #include <utility>
 
 #include "estimator/chi_square.h"
+#include "estimator/drift_step.h"
 #include "estimator/positive_definite.h"
 #include "estimator/so3.h"
 
 namespace covey {
 namespace {
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 constexpr int kSize = 6;                    // of one keyframe's error
 constexpr int kNewAtOnce = 3;               // keyframes of one relative pose
-constexpr double kMinVariance = 1e-10;      // m2 or rad2, of a step along a chain
 constexpr std::size_t kMaxHistory = 10000;  // own keyframes
 // Relative poses of one drone: what is here already, and its answer.
 constexpr int kMostPerKeyframe = 2;
@@ -30,40 +28,6 @@ constexpr int kMostPerKeyframe = 2;
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
 constexpr auto block(int node) { return kSize * node; }
-
-// How the error at `from` shows at `to`, on the way of one drone.
-Matrix6d lever(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  Matrix6d F = Matrix6d::Identity();
-  F.block<3, 1>(0, 5) = Eigen::Vector3d::UnitZ().cross(to - from);
-  return F;
-}
-
-// One step along a drone's way: e_to = A e_from + w.
-struct Step {
-  Matrix6d A = Matrix6d::Zero();
-  Matrix6d Q = Matrix6d::Identity();  // cov(w)
-};
-
-// Odometry says how uncertain it was at both ends, not how the two errors hang together. Where it
-// has become less certain (position, yaw), the old error has stayed and something was added:
-// cov(to, from) = P_from. Where it has become more certain (tilt), the new error is what is left of
-// the old one: cov(to, from) = P_to. With V V^T = F P_from F^T and V L V^T = P_to both are
-// V min(1, L) V^T.
-Step step_between(const Eigen::Vector3d& from, const Matrix6d& P_from, const Eigen::Vector3d& to,
-                  const Matrix6d& P_to) {
-  const Matrix6d F = lever(from, to);
-  const Eigen::LLT<Matrix6d> cholesky(F * P_from * F.transpose());
-  const auto L = cholesky.matrixL();
-  const Matrix6d M = L.solve(L.solve(P_to).transpose());
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen((M + M.transpose()) / 2);
-  const Vector6d kept = eigen.eigenvalues().cwiseMax(0.0).cwiseMin(1.0);
-  const Vector6d added = eigen.eigenvalues().cwiseMax(0.0) - kept.cwiseAbs2();
-  const Matrix6d V = L * eigen.eigenvectors();
-  const Matrix6d V_inverse = eigen.eigenvectors().transpose() * L.solve(Matrix6d::Identity());
-  Step step{V * kept.asDiagonal() * V_inverse * F, V * added.asDiagonal() * V.transpose()};
-  step.Q.diagonal().array() += kMinVariance;
-  return step;
-}
 
 Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
   Matrix6d turn = Matrix6d::Zero();
@@ -118,7 +82,7 @@ DriftFilter::Node DriftFilter::to_node(std::size_t drone, const KeyframePose& po
             T_world_cam.translation(),
             T_world_cam.linear(),
             rotated(drone == 0 ? pose.covariance : believable(pose), world.T_own_peer.linear())};
-  const Matrix6d F = lever(world.pivot, node.p);
+  const Matrix6d F = drift_lever(world.pivot, node.p);
   node.covariance += F * world.covariance * F.transpose();
   return node;
 }
@@ -141,15 +105,15 @@ int DriftFilter::find_or_insert(const Node& wanted) {
   }
   const Neighbours near = neighbours(wanted.drone, wanted.stamp_ns);
   // What the earlier one says of it, or only the odometry; then what the later one adds.
-  Step from_earlier{Matrix6d::Zero(), wanted.covariance};
+  DriftStep from_earlier{Matrix6d::Zero(), wanted.covariance};
   if (near.earlier >= 0) {
     const Node& earlier = node(near.earlier);
-    from_earlier = step_between(earlier.p, earlier.covariance, wanted.p, wanted.covariance);
+    from_earlier = drift_step(earlier.p, earlier.covariance, wanted.p, wanted.covariance);
   }
   Matrix6d from_later = Matrix6d::Zero();
   if (near.later >= 0) {
     const Node& later = node(near.later);
-    const Step onward = step_between(wanted.p, wanted.covariance, later.p, later.covariance);
+    const DriftStep onward = drift_step(wanted.p, wanted.covariance, later.p, later.covariance);
     const Matrix6d Q = from_earlier.Q;
     const Matrix6d S = onward.A * Q * onward.A.transpose() + onward.Q;
     from_later = S.llt().solve(onward.A * Q).transpose();
@@ -322,22 +286,8 @@ Odometry DriftFilter::corrected(const Odometry& alone) const {
   const int last = neighbours(0, alone.stamp_ns + 1).earlier;
   if (last < 0) return alone;
   const Node& known = node(last);
-  Matrix6d to_world = Matrix6d::Identity();  // from [dp dtheta_local]
-  to_world.bottomRightCorner<3, 3>() = alone.pose.q_world_imu.toRotationMatrix();
-  const Step step = step_between(known.p, known.covariance, alone.pose.p_world_imu,
-                                 to_world * alone.pose_covariance * to_world.transpose());
-  const Vector6d drift = step.A * x_.segment<kSize>(block(last));
-  const Matrix6d P =
-      step.A * P_.block<kSize, kSize>(block(last), block(last)) * step.A.transpose() + step.Q;
-
-  Odometry odometry = alone;
-  const Eigen::Quaterniond turn = exp_quaternion(drift.tail<3>());
-  odometry.pose.p_world_imu += drift.head<3>();
-  odometry.pose.q_world_imu = (turn * alone.pose.q_world_imu).normalized();
-  odometry.v_world_imu = turn * alone.v_world_imu;
-  to_world.bottomRightCorner<3, 3>() = odometry.pose.q_world_imu.toRotationMatrix();
-  odometry.pose_covariance = to_world.transpose() * P * to_world;
-  return odometry;
+  return without_drift(alone, known.p, known.covariance, x_.segment<kSize>(block(last)),
+                       P_.block<kSize, kSize>(block(last), block(last)));
 }
 
 std::optional<WorldAlignment> DriftFilter::alignment(const std::string& peer) const {
