@@ -70,8 +70,8 @@ void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
            "standard deviation of the field, of that of the image");
   v.number("field_noise", p.field.noise, {1e-4, 100},
            "of one observed difference, of the image's standard deviation");
-  v.number("field_memory_s", p.field.memory_s, {0.1, kManyTimes}, "[s] until it is forgotten");
-  v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two solutions");
+  v.number("field_wander_s", p.field.wander_s, {0.1, kManyTimes}, "[s] until it is another");
+  v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two sights");
 }
 
 void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {

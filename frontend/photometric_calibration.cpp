@@ -170,7 +170,7 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
   choose_units(image);
   gain_.restart({});
   field_.reset();
-  sightings_.clear();
+  last_seen_.clear();
   bias_.setTo(0);
   tone_.reset();
   refreshed_ns_ = 0;
@@ -220,34 +220,28 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   }
 }
 
-// What the field did to the patches since earlier images, near and far.
+// What the field did to the patches since they were last looked at.
 void PhotometricCalibration::refresh(std::vector<TrackGrey> seen, double elapsed_s) {
-  constexpr std::size_t kLookedBack = 4;
   refreshed_ns_ = stamp_ns_;
-  for (std::size_t lag = 0; lag < sightings_.size(); lag += kLookedBack - 1) {
-    compare(sightings_[lag], seen);
-  }
-  sightings_.push_front(std::move(seen));
-  if (sightings_.size() > kLookedBack) sightings_.pop_back();
-  field_.solve();
-  field_.age(elapsed_s);
+  field_.update(elapsed_s, differences(last_seen_, seen));
+  last_seen_ = std::move(seen);
   bias_ = field_.image(kLevelsPerSigma);
 }
 
-void PhotometricCalibration::compare(const std::vector<TrackGrey>& before,
-                                     const std::vector<TrackGrey>& now) {
+std::vector<FieldDifference> PhotometricCalibration::differences(
+    const std::vector<TrackGrey>& before, const std::vector<TrackGrey>& now) const {
   const auto level = [this](const TrackGrey& seen) {
     return (gain_.latest()(seen.grey) - centre_) / sigma_;
   };
-  std::vector<FieldDifference> differences;
+  std::vector<FieldDifference> found;
   auto past = before.begin();
   for (const TrackGrey& seen : now) {
     while (past != before.end() && past->patch_id < seen.patch_id) ++past;
     if (past == before.end()) break;
     if (past->patch_id != seen.patch_id) continue;
-    differences.push_back({past->pixel, seen.pixel, level(*past), level(seen)});
+    found.push_back({past->pixel, seen.pixel, level(*past), level(seen)});
   }
-  field_.add(differences);
+  return found;
 }
 
 // Pixels that always stand out against their neighbours, while the scene moves past them.

@@ -13,7 +13,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <deque>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -72,7 +71,8 @@ class PhotometricCalibration {
   [[nodiscard]] GainOffset like_the_first() const;
   [[nodiscard]] std::vector<TrackGrey> look(const std::vector<TrackPlace>& places) const;
   [[nodiscard]] FieldAt field_at() const;
-  void compare(const std::vector<TrackGrey>& before, const std::vector<TrackGrey>& now);
+  [[nodiscard]] std::vector<FieldDifference> differences(const std::vector<TrackGrey>& before,
+                                                         const std::vector<TrackGrey>& now) const;
   void refresh(std::vector<TrackGrey> seen, double elapsed_s);
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
@@ -88,10 +88,10 @@ class PhotometricCalibration {
   cv::Mat image_;  // the current one, as it came
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
-  double centre_ = 0, sigma_ = 1;                 // of the chain's first image, grey levels
-  std::vector<std::int16_t> table_;               // image's grey level to calibrated level
-  cv::Mat bias_;                                  // CV_16SC1, the field, calibrated levels
-  std::deque<std::vector<TrackGrey>> sightings_;  // one per refresh, newest first; by patch
+  double centre_ = 0, sigma_ = 1;     // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;   // image's grey level to calibrated level
+  cv::Mat bias_;                      // CV_16SC1, the field, calibrated levels
+  std::vector<TrackGrey> last_seen_;  // at the last refresh; by patch
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
 };

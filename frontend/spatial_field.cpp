@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "estimator/median.h"
+
 namespace covey {
 namespace {
 
@@ -27,26 +29,53 @@ Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> kernel_modes(int nodes, double le
 }
 
 // The eigenvectors of Ky (x) Kx are the Kronecker products of theirs.
-Eigen::MatrixXf grid_modes(int columns, int rows, const SpatialConfig& config) {
+Eigen::MatrixXd grid_modes(int columns, int rows, const SpatialConfig& config) {
   const auto along_x = kernel_modes(columns, config.length_cells);
   const auto along_y = kernel_modes(rows, config.length_cells);
   const double largest = along_x.eigenvalues().maxCoeff() * along_y.eigenvalues().maxCoeff();
-  std::vector<Eigen::VectorXf> kept;
+  std::vector<Eigen::VectorXd> kept;
   for (int i = columns - 1; i >= 0; --i) {
     for (int j = rows - 1; j >= 0; --j) {
       const double eigenvalue = along_x.eigenvalues()(i) * along_y.eigenvalues()(j);
       if (eigenvalue < kLeastEigenvalue * largest) break;
       const Eigen::MatrixXd product =  // columns x rows: column by column is row by row of the grid
           along_x.eigenvectors().col(i) * along_y.eigenvectors().col(j).transpose();
-      kept.emplace_back(config.sigma * std::sqrt(eigenvalue) * product.reshaped().cast<float>());
+      kept.emplace_back(config.sigma * std::sqrt(eigenvalue) * product.reshaped());
     }
   }
-  Eigen::MatrixXf modes(columns * rows, static_cast<Eigen::Index>(kept.size()));
+  Eigen::MatrixXd modes(columns * rows, static_cast<Eigen::Index>(kept.size()));
   for (std::size_t k = 0; k < kept.size(); ++k) modes.col(static_cast<Eigen::Index>(k)) = kept[k];
   return modes;
 }
 
+double median_size(const Eigen::VectorXd& values) {
+  return median(std::vector<double>(values.data(), values.data() + values.size()));
+}
+
+// Patches that slid, or met a depth edge, count less: square roots of Cauchy's weights of what is
+// left when the nuisance that fits best has been taken out.
+Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd& nuisance,
+                        double noise) {
+  constexpr int kRounds = 3;
+  constexpr double kSoft = 3;  // standard deviations
+  Eigen::VectorXd weight = Eigen::VectorXd::Ones(residuals.size());
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::MatrixXd A = weight.asDiagonal() * nuisance;
+    const Eigen::VectorXd b = weight.asDiagonal() * residuals;
+    const Eigen::VectorXd rest = (residuals - nuisance * A.householderQr().solve(b)).cwiseAbs();
+    const double scale = kSoft * std::max(1.48 * median_size(rest), noise);
+    weight = (1 + (rest / scale).array().square()).rsqrt();
+  }
+  return weight;
+}
+
 }  // namespace
+
+// Of the modes after and before, stacked.
+struct SpatialField::Evidence {
+  Eigen::MatrixXd information;
+  Eigen::VectorXd vector;
+};
 
 SpatialField::SpatialField(const SpatialConfig& config, cv::Size image_size)
     : config_(config),
@@ -58,8 +87,8 @@ SpatialField::SpatialField(const SpatialConfig& config, cv::Size image_size)
 }
 
 void SpatialField::reset() {
-  information_.setZero(modes_.cols(), modes_.cols());
-  evidence_.setZero(modes_.cols());
+  mean_.setZero(modes_.cols());
+  information_.setIdentity(modes_.cols(), modes_.cols());
   nodes_.setZero(modes_.rows());
 }
 
@@ -73,12 +102,12 @@ SpatialField::Corner SpatialField::corner(const Eigen::Vector2d& pixel) const {
   return corner;
 }
 
-Eigen::VectorXf SpatialField::modes_at(const Eigen::Vector2d& pixel) const {
+Eigen::VectorXd SpatialField::modes_at(const Eigen::Vector2d& pixel) const {
   const Corner c = corner(pixel);
   const int node = c.y * columns_ + c.x;
-  const auto fx = static_cast<float>(c.fx), fy = static_cast<float>(c.fy);
-  return ((1 - fy) * ((1 - fx) * modes_.row(node) + fx * modes_.row(node + 1)) +
-          fy * ((1 - fx) * modes_.row(node + columns_) + fx * modes_.row(node + columns_ + 1)))
+  return ((1 - c.fy) * ((1 - c.fx) * modes_.row(node) + c.fx * modes_.row(node + 1)) +
+          c.fy *
+              ((1 - c.fx) * modes_.row(node + columns_) + c.fx * modes_.row(node + columns_ + 1)))
       .transpose();
 }
 
@@ -89,48 +118,57 @@ double SpatialField::at(const Eigen::Vector2d& pixel) const {
          c.fy * ((1 - c.fx) * nodes_(node + columns_) + c.fx * nodes_(node + columns_ + 1));
 }
 
-void SpatialField::add(const std::vector<FieldDifference>& differences) {
-  constexpr std::size_t kFewest = 8;  // two of them are spent on gain and offset
-  if (differences.size() < kFewest) return;
+// to_level - from_level = a(to) m_after - a(from) m_before + offset + gain * level + noise.
+SpatialField::Evidence SpatialField::evidence(
+    double keep, const std::vector<FieldDifference>& differences) const {
   const auto rows = static_cast<Eigen::Index>(differences.size());
-  Eigen::MatrixXf A(rows, modes_.cols());
-  Eigen::VectorXf y(rows);
-  Eigen::MatrixXf nuisance(rows, 2);  // offset, gain
+  const Eigen::Index modes = modes_.cols();
+  Eigen::MatrixXd A(rows, 2 * modes), nuisance(rows, 2);
+  Eigen::VectorXd y(rows);
   for (Eigen::Index i = 0; i < rows; ++i) {
     const FieldDifference& d = differences[static_cast<std::size_t>(i)];
-    A.row(i) = (modes_at(d.to) - modes_at(d.from)).transpose();
-    y(i) = static_cast<float>(d.to_level - d.from_level);
-    const double level = 0.5 * (d.to_level + d.from_level) - 0.5 * (at(d.to) + at(d.from));
-    nuisance.row(i) << 1, static_cast<float>(level);
+    A.row(i) << modes_at(d.to).transpose(), -modes_at(d.from).transpose();
+    y(i) = d.to_level - d.from_level;
+    nuisance.row(i) << 1, 0.5 * (d.to_level + d.from_level) - 0.5 * (at(d.to) + at(d.from));
   }
-  // A patch that slid, or met a depth edge: Cauchy's weight against what the prior allows.
-  for (Eigen::Index i = 0; i < rows; ++i) {
-    const FieldDifference& d = differences[static_cast<std::size_t>(i)];
-    const double surprise = (y(i) - at(d.to) + at(d.from)) / (2 * config_.sigma);
-    const auto weight =
-        static_cast<float>(1 / (config_.noise * std::sqrt(1 + surprise * surprise)));
-    A.row(i) *= weight;
-    y(i) *= weight;
-    nuisance.row(i) *= weight;
-  }
-  const Eigen::MatrixXf Q = Eigen::HouseholderQR<Eigen::MatrixXf>(nuisance).householderQ() *
-                            Eigen::MatrixXf::Identity(rows, 2);
+  const Eigen::VectorXd expected = keep * A.leftCols(modes) * mean_ + A.rightCols(modes) * mean_;
+  const Eigen::VectorXd weight = weights(y - expected, nuisance, config_.noise) / config_.noise;
+  A = weight.asDiagonal() * A;
+  y = weight.asDiagonal() * y;
+  nuisance = weight.asDiagonal() * nuisance;
+  const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(nuisance).householderQ() *
+                            Eigen::MatrixXd::Identity(rows, 2);
   A -= Q * (Q.transpose() * A).eval();
   y -= Q * (Q.transpose() * y).eval();
-  information_.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
-  evidence_ += A.transpose() * y;
+  Evidence evidence{Eigen::MatrixXd::Zero(2 * modes, 2 * modes), A.transpose() * y};
+  evidence.information.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
+  return evidence;
 }
 
-void SpatialField::age(double elapsed_s) {
-  const auto keep = static_cast<float>(std::exp(-elapsed_s / config_.memory_s));
-  information_ *= keep;
-  evidence_ *= keep;
-}
+// m_after = keep m_before + w, cov(w) = 1 - keep^2: both are unknown until the evidence is in, then
+// m_before is marginalised.
+void SpatialField::update(double elapsed_s, const std::vector<FieldDifference>& differences) {
+  constexpr std::size_t kFewest = 8;  // two of them are spent on gain and offset
+  constexpr double kShortest_s = 1e-3;
+  const double keep = std::exp(-std::max(elapsed_s, kShortest_s) / config_.wander_s);
+  const double freshness = 1 / (1 - keep * keep);
+  const Eigen::Index modes = modes_.cols();
+  Evidence both{Eigen::MatrixXd::Zero(2 * modes, 2 * modes), Eigen::VectorXd::Zero(2 * modes)};
+  if (differences.size() >= kFewest) both = evidence(keep, differences);
+  both.vector.tail(modes) += information_ * mean_;
+  both.information.bottomRightCorner(modes, modes) += information_;
+  both.information.bottomRightCorner(modes, modes).diagonal().array() += freshness * keep * keep;
+  both.information.bottomLeftCorner(modes, modes).diagonal().array() -= freshness * keep;
+  both.information.topLeftCorner(modes, modes).diagonal().array() += freshness;
 
-void SpatialField::solve() {
-  Eigen::MatrixXf A = information_;
-  A.diagonal().array() += 1;  // the prior: modes carry their deviation
-  nodes_ = modes_ * A.selfadjointView<Eigen::Lower>().llt().solve(evidence_);
+  const Eigen::LLT<Eigen::MatrixXd> before(both.information.bottomRightCorner(modes, modes));
+  const Eigen::MatrixXd W = before.matrixL().solve(both.information.bottomLeftCorner(modes, modes));
+  information_ = both.information.topLeftCorner(modes, modes).selfadjointView<Eigen::Lower>();
+  information_ -= W.transpose() * W;
+  const Eigen::VectorXd rest =
+      both.vector.head(modes) - W.transpose() * before.matrixL().solve(both.vector.tail(modes));
+  mean_ = information_.llt().solve(rest);
+  nodes_ = (modes_ * mean_).cast<float>();
   nodes_.array() -= nodes_.mean();
 }
 

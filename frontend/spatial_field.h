@@ -4,8 +4,9 @@
 // patch followed across the image shows it: its grey level changes by the difference of the field
 // (Das, Matthies and Daftry, RA-L 2021, section IV). The field is a Gaussian process on a grid with
 // a squared-exponential kernel. That kernel is a product of one along x and one along y, so its
-// eigenvectors are products too; the few that matter are the unknowns, and observations are summed
-// up in their normal equations.
+// eigenvectors are products too; the few that matter are the unknowns m. In time each of them is an
+// Ornstein-Uhlenbeck process, and a Kalman filter in information form follows them: between two
+// sights a field that wanders with 25 s has changed by an eighth of itself within 0.2 s.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,9 +19,9 @@ struct SpatialConfig {
   double cell_px = 32;        // px between the nodes of the grid
   double length_cells = 2.5;  // correlation length, cells
   double sigma = 0.5;         // standard deviation of the field, of that of the image
-  double noise = 0.1;         // of one observed difference, of the image's standard deviation
-  double memory_s = 5;        // s, time constant after which observations are forgotten
-  double refresh_s = 0.2;     // s between two solutions
+  double noise = 0.07;        // of one observed difference, of the image's standard deviation
+  double wander_s = 25;       // s, time constant with which the field becomes another
+  double refresh_s = 0.2;     // s between two sights
 };
 
 // The same patch in two images: where it was and its grey level, in the image's standard
@@ -34,15 +35,12 @@ class SpatialField {
  public:
   SpatialField(const SpatialConfig& config, cv::Size image_size);
 
-  // Of two images: patches seen in both. Whatever gain and offset lie between the two images does
-  // not matter, it is projected out.
-  void add(const std::vector<FieldDifference>& differences);
-  void age(double elapsed_s);
-  // The field that fits best to what was added and to the prior; its mean is zero.
-  void solve();
+  // Goes on by `elapsed_s` and takes in what patches show that were seen before and after.
+  // Whatever gain and offset lie between the two images does not matter, it is projected out.
+  void update(double elapsed_s, const std::vector<FieldDifference>& differences);
   void reset();
 
-  // Bilinear between the nodes, in the image's standard deviations.
+  // Its mean is zero. Bilinear between the nodes, in the image's standard deviations.
   [[nodiscard]] double at(const Eigen::Vector2d& pixel) const;
   // CV_16SC1, in units of 1/`units_per_sigma` standard deviations.
   [[nodiscard]] cv::Mat image(double units_per_sigma) const;
@@ -54,14 +52,17 @@ class SpatialField {
     double fx = 0, fy = 0;  // 0..1 within the cell
   };
   [[nodiscard]] Corner corner(const Eigen::Vector2d& pixel) const;
-  [[nodiscard]] Eigen::VectorXf modes_at(const Eigen::Vector2d& pixel) const;
+  [[nodiscard]] Eigen::VectorXd modes_at(const Eigen::Vector2d& pixel) const;
+  struct Evidence;
+  [[nodiscard]] Evidence evidence(double keep,
+                                  const std::vector<FieldDifference>& differences) const;
 
   SpatialConfig config_;
   cv::Size image_size_;
   int columns_ = 0, rows_ = 0;   // of nodes
-  Eigen::MatrixXf modes_;        // nodes (row by row) x modes, each scaled by its prior deviation
-  Eigen::MatrixXf information_;  // modes x modes, lower triangle, without the prior
-  Eigen::VectorXf evidence_;     // modes
+  Eigen::MatrixXd modes_;        // nodes (row by row) x modes, each scaled by its prior deviation
+  Eigen::VectorXd mean_;         // of the modes
+  Eigen::MatrixXd information_;  // modes x modes, inverse covariance; before anything is seen: 1
   Eigen::VectorXf nodes_;        // the field, row by row
 };
 

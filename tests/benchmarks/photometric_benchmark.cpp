@@ -84,26 +84,19 @@ std::vector<FieldDifference> differences() {
   }
   return differences;
 }
-void fill(SpatialField& field) { field.add(differences()); }
+constexpr double kRefresh_s = 0.2;
 
-void FieldDifferences(benchmark::State& state) {
+void FieldUpdate(benchmark::State& state) {
   SpatialField field(SpatialConfig{}, kImage);
   const auto seen = differences();
-  for (auto _ : state) field.add(seen);
-}
-void FieldSolution(benchmark::State& state) {
-  SpatialField field(SpatialConfig{}, kImage);
-  fill(field);
-  for (auto _ : state) field.solve();
+  for (auto _ : state) field.update(kRefresh_s, seen);
 }
 void FieldImage(benchmark::State& state) {
   SpatialField field(SpatialConfig{}, kImage);
-  fill(field);
-  field.solve();
+  field.update(kRefresh_s, differences());
   for (auto _ : state) benchmark::DoNotOptimize(field.image(128).data);
 }
-BENCHMARK(FieldDifferences)->Unit(benchmark::kMillisecond);
-BENCHMARK(FieldSolution)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldUpdate)->Unit(benchmark::kMillisecond);
 BENCHMARK(FieldImage)->Unit(benchmark::kMillisecond);
 
 // Without tracks there is nothing to fit: detection of the shutter, tables, contrast and the pass

@@ -18,6 +18,12 @@ double truth(const Eigen::Vector2d& p) {
   return 0.6 * std::sin(p.x() / 110) * std::cos(p.y() / 140) + 0.35 * std::cos(p.x() / 170 + 1);
 }
 
+SpatialConfig that_stands_still() {
+  SpatialConfig config;
+  config.wander_s = 1000;
+  return config;
+}
+
 template <typename Function>
 cv::Mat sampled(const Function& function) {
   cv::Mat values(kImage.height / 8, kImage.width / 8, CV_64FC1);
@@ -55,20 +61,19 @@ void fly_over(SpatialField& field, std::mt19937& random, int pairs, double outli
       if (share(random) < outlier_share) d.to_level += 2 * gaussian(random);
       differences.push_back(d);
     }
-    field.add(differences);
+    field.update(0.2, differences);
   }
-  field.solve();
 }
 
 TEST(SpatialField, IsFoundWithinATenthFromTwentyPairsOfImages) {
-  SpatialField field(SpatialConfig{}, kImage);
+  SpatialField field(that_stands_still(), kImage);
   std::mt19937 random(1);
   fly_over(field, random, 20, 0);
   EXPECT_LT(relative_error(field), 0.10);
 }
 
 TEST(SpatialField, BearsATenthOfTheTracksSliding) {
-  SpatialField field(SpatialConfig{}, kImage);
+  SpatialField field(that_stands_still(), kImage);
   std::mt19937 random(2);
   fly_over(field, random, 40, 0.1);
   EXPECT_LT(relative_error(field), 0.20);
@@ -76,7 +81,7 @@ TEST(SpatialField, BearsATenthOfTheTracksSliding) {
 
 TEST(SpatialField, StaysFlatWithoutObservations) {
   SpatialField field(SpatialConfig{}, kImage);
-  field.solve();
+  field.update(0.2, {});
   EXPECT_EQ(field.at({320, 256}), 0);
   EXPECT_EQ(cv::countNonZero(field.image(128)), 0);
 }
@@ -85,7 +90,7 @@ TEST(SpatialField, OldObservationsGiveWayToNewOnes) {
   SpatialField field(SpatialConfig{}, kImage);
   std::mt19937 random(3);
   fly_over(field, random, 20, 0);
-  field.age(100);
+  field.update(100, {});
   std::uniform_real_distribution<double> share(0, 1);
   std::vector<FieldDifference> flat;
   for (int i = 0; i < 1000; ++i) {
@@ -93,9 +98,47 @@ TEST(SpatialField, OldObservationsGiveWayToNewOnes) {
     const double radiance = share(random);
     flat.push_back({from, from + Eigen::Vector2d(40 * share(random), 25), radiance, radiance});
   }
-  field.add(flat);
-  field.solve();
+  field.update(0.2, flat);
   EXPECT_LT(std::abs(field.at({100, 100}) - field.at({500, 400})), 0.02);
+}
+
+// Each node is an Ornstein-Uhlenbeck process: what was seen five seconds ago is half wrong by now.
+TEST(SpatialField, FollowsAFieldThatWanders) {
+  constexpr double kWander_s = 25, kRefresh_s = 0.2;
+  SpatialField field(SpatialConfig{}, kImage);
+  std::mt19937 random(5);
+  std::normal_distribution<double> gaussian;
+  std::uniform_real_distribution<double> share(0, 1);
+  const double keep = std::exp(-kRefresh_s / kWander_s);
+  Eigen::Vector4d weight(0.3, -0.2, 0.4, 0.1);  // of four smooth patterns
+  const auto wandering = [](const Eigen::Vector4d& w, const Eigen::Vector2d& p) {
+    return w(0) * std::sin(p.x() / 90) + w(1) * std::cos(p.x() / 110) * std::sin(p.y() / 100) +
+           w(2) * std::cos(p.y() / 80) + w(3) * std::sin((p.x() + p.y()) / 120);
+  };
+  double error = 0, size = 0;
+  for (int k = 0; k < 100; ++k) {
+    const Eigen::Vector4d before = weight;
+    for (double& w : weight) w = keep * w + 0.3 * std::sqrt(1 - keep * keep) * gaussian(random);
+    const double zoom = 1.04, shift = 12 * std::sin(0.2 * k);
+    std::vector<FieldDifference> differences;
+    for (int i = 0; i < 150; ++i) {
+      FieldDifference d;
+      d.from = {30 + 580 * share(random), 30 + 450 * share(random)};
+      d.to =
+          Eigen::Vector2d(320 + shift, 256 - shift) + zoom * (d.from - Eigen::Vector2d(320, 256));
+      const double radiance = gaussian(random);
+      d.from_level = radiance + wandering(before, d.from);
+      d.to_level = radiance + wandering(weight, d.to) + 0.03 * gaussian(random);
+      differences.push_back(d);
+    }
+    field.update(kRefresh_s, differences);
+    if (k < 20) continue;
+    const cv::Mat wanted = sampled([&](const Eigen::Vector2d& p) { return wandering(weight, p); });
+    const cv::Mat found = sampled([&](const Eigen::Vector2d& p) { return field.at(p); });
+    error += cv::norm(wanted, found);
+    size += cv::norm(wanted);
+  }
+  EXPECT_LT(error, 0.25 * size);
 }
 
 TEST(SpatialField, ImageIsTheFieldBetweenTheNodes) {
