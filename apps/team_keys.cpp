@@ -33,11 +33,10 @@ constexpr int kAuthorityDays = 3650;
   throw std::runtime_error(what.string() + ": " + complaint);
 }
 
-// From yesterday on: a drone's clock may be behind.
-Validity valid_for(int days) {
-  const auto now = system_clock::now();
-  return {now - hours(24), now + days * hours(24)};
-}
+// What is new is dated back: a drone's clock may be behind.
+system_clock::time_point yesterday() { return system_clock::now() - hours(24); }
+
+Validity valid_for(int days) { return {yesterday(), system_clock::now() + days * hours(24)}; }
 
 void check_names(const std::vector<std::string>& drones) {
   std::set<std::string> known;
@@ -179,8 +178,8 @@ void revoke_team_keys(const TeamKeysRequest& request) {
   TeamAuthority authority = read_authority(request.folder);
   refuse_unknown(request);
   for (const std::string& drone : request.drones)
-    authority.revoked = revoke(authority, content_of(issued_certificate(request.folder, drone)),
-                               system_clock::now());
+    authority.revoked =
+        revoke(authority, content_of(issued_certificate(request.folder, drone)), yesterday());
   write_private_file(request.folder / kAuthorityFolder / kRevokedFile, authority.revoked);
   for (const std::string& drone : drones_of(request.folder))
     if (fs::exists(request.folder / drone))
