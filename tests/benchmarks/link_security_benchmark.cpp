@@ -20,13 +20,14 @@ std::uint64_t wire_bytes(const PeerLink& link) {
   return statistics.wire_bytes_sent + statistics.wire_bytes_received;
 }
 
-LinkConfig without_limits(LinkConfig config) {
-  config.profile.load.drone_bytes_per_s = config.profile.load.link_bytes_per_s = 0;
+LinkConfig open_config(const std::string& agent) {
+  LinkConfig config = team_config(agent);
+  config.profile = lossless_profile();  // as that of SecureTeam
   return config;
 }
 
 void send_answers(benchmark::State& timing, const LinkConfig& from, const LinkConfig& to) {
-  PeerLink sender(without_limits(from)), receiver(without_limits(to));
+  PeerLink sender(from), receiver(to);
   if (!sender.wait_for_peers({to.agent}, kPatience) ||
       !receiver.wait_for_peers({from.agent}, kPatience))
     throw std::runtime_error("the drones have not found each other");
@@ -43,7 +44,7 @@ void send_answers(benchmark::State& timing, const LinkConfig& from, const LinkCo
 }
 
 void BM_OpenAnswer(benchmark::State& timing) {
-  send_answers(timing, team_config("uav0"), team_config("uav1"));
+  send_answers(timing, open_config("uav0"), open_config("uav1"));
 }
 BENCHMARK(BM_OpenAnswer)->MeasureProcessCPUTime()->Unit(benchmark::kMicrosecond);
 

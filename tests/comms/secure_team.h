@@ -49,6 +49,7 @@ class SecureTeam {
   [[nodiscard]] LinkConfig config(const std::string& drone) const {
     LinkConfig out = team_config(drone);
     out.security = folder_.path().string();
+    out.profile = lossless_profile();  // a busy machine shall not cost a question
     out.profile.security.required = true;
     out.profile.transport.datagram_bytes = 8000;  // as the profile `secure`
     return out;
