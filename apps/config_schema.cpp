@@ -310,6 +310,8 @@ void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones");
   v.text("discovery_server", link.discovery_server,
          "IPv4:PORT of one, for discovery.mode server of a profile");
+  v.text("security", link.security,
+         "folder of this team's keys, made by covey keys; empty: an open link");
   v.count("inbox_limit", link.inbox_limit, {1, 1e6}, "messages not yet taken");
 }
 

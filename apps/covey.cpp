@@ -13,6 +13,7 @@
 #include "apps/agent_command.h"
 #include "apps/evaluate_command.h"
 #include "apps/inspect_command.h"
+#include "apps/keys_command.h"
 #include "apps/lab_command.h"
 #include "apps/places_command.h"
 #include "apps/qos_command.h"
@@ -72,6 +73,7 @@ int run(int argc, char** argv) {
   covey::add_tables_command(covey);
   covey::add_study_command(covey);
   covey::add_qos_command(covey);
+  covey::add_keys_command(covey);
   covey::add_lab_command(covey);
   return run(covey, argc, argv);
 }

@@ -71,6 +71,12 @@ void visit_load(LoadProfile& load, ConfigVisitor& v) {
   v.end_section();
 }
 
+void visit_security(SecurityProfile& security, ConfigVisitor& v) {
+  v.begin_section("security");
+  v.flag("required", security.required, "without keys (link.security) there is no link");
+  v.end_section();
+}
+
 struct ProfileFile {
   std::string name;
   std::map<std::string, Json> profiles;
@@ -171,6 +177,7 @@ void visit_profile(LinkProfile& profile, ConfigVisitor& visitor) {
   visit_transport(profile.transport, visitor);
   visit_discovery(profile.discovery, visitor);
   visit_load(profile.load, visitor);
+  visit_security(profile.security, visitor);
   visit_topic("request", profile.request, visitor);
   visit_topic("message", profile.message, visitor);
   visit_topic("full_message", profile.full_message, visitor);

@@ -317,6 +317,14 @@ bool TeamFlight::waits_for_any() const {
                      [](const Member& m) { return m.alive && !m.replied; });
 }
 
+// A team that is to be secured stays so; its handshakes need the datagrams of profile `secure`.
+ProfileChoice lockstep_profile(const LinkConfig& link) {
+  ProfileChoice choice{"lockstep", "", {}};
+  if (link.profile.security.required || !link.security.empty())
+    choice.overrides = {{"security.required", "true"}, {"transport.datagram_bytes", "8000"}};
+  return choice;
+}
+
 }  // namespace
 
 AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, int domain) {
@@ -340,13 +348,14 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
     config.collaboration.verification.max_offset = 1e6;
     config.collaboration.verification.max_yaw = M_PI;
   }
-  config.link.team = "team" + std::to_string(getpid());
+  // Keys belong to the team that the configuration names.
+  if (config.link.security.empty()) config.link.team = "team" + std::to_string(getpid());
   config.link.domain = domain;
   config.link.loopback_only = true;
   config.link.max_agents =
       std::max(config.link.max_agents, static_cast<int>(options.drones.size()));
   // Nothing of a radio: in lockstep nothing may be lost, however slow the machine.
-  if (options.pace == Pace::kLockstep) config.link_profile = {"lockstep", "", {}};
+  if (options.pace == Pace::kLockstep) config.link_profile = lockstep_profile(config.link);
   return config;
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "comms/checks.h"
+#include "comms/key_folder.h"
 
 namespace covey {
 namespace {
@@ -88,6 +89,22 @@ void check_discovery(const LinkConfig& config) {
           "initial_peers are of no use with discovery.mode multicast: choose unicast");
 }
 
+void check_security(const LinkConfig& config) {
+  require(!config.profile.security.required || !config.security.empty(),
+          "security names no folder, and the profile requires keys: make them with `covey keys "
+          "--team " +
+              config.team + " --out keys " + config.agent + " ...` and set link.security to keys");
+  if (config.security.empty()) return;
+  check_keys(config);
+  // Fast DDS 2.9.1 does not send a larger one in pieces, and the drones would not find each other.
+  constexpr int kHandshakeBytes = 6000;
+  require(config.profile.transport.datagram_bytes >= kHandshakeBytes,
+          "transport.datagram_bytes of the profile is " +
+              std::to_string(config.profile.transport.datagram_bytes) +
+              ", and the handshake of DDS Security needs " + std::to_string(kHandshakeBytes) +
+              ": choose the profile secure, or override it as that profile does");
+}
+
 }  // namespace
 
 void check(const LinkConfig& config) {
@@ -98,6 +115,7 @@ void check(const LinkConfig& config) {
   require(config.inbox_limit > 0, "inbox_limit is 0: nothing could be received");
   check(config.profile);
   check_discovery(config);
+  check_security(config);
   // It would quietly replace the discovery that keeps us on the chosen interfaces.
   require(std::getenv("ROS_DISCOVERY_SERVER") == nullptr,
           "ROS_DISCOVERY_SERVER is set and would redirect discovery: unset it");

@@ -7,11 +7,13 @@
 namespace covey {
 namespace {
 
+constexpr int kMinFlowBytes = 512;
+
 void require(bool good, const std::string& complaint) {
   if (!good) throw std::runtime_error("link profile: " + complaint);
 }
 
-void check_topic(const std::string& name, const TopicProfile& topic, int datagram_bytes) {
+void check_topic(const std::string& name, const TopicProfile& topic) {
   const bool reliable = topic.reliability == Reliability::kReliable;
   require(topic.depth > 0, name + ".depth is 0: nothing could be sent");
   require(topic.history == History::kLast || reliable,
@@ -20,8 +22,9 @@ void check_topic(const std::string& name, const TopicProfile& topic, int datagra
           name + ".lifespan_ms is not above heartbeat_ms: it would expire before any repair");
   require(topic.liveliness_ms == 0 || topic.liveliness_ms >= 100,
           name + ".liveliness_ms is below 100: a busy processor would look like death");
-  require(topic.flow_bytes == 0 || topic.flow_bytes >= datagram_bytes,
-          name + ".flow_bytes is below transport.datagram_bytes: no datagram would ever pass");
+  require(topic.flow_bytes == 0 || topic.flow_bytes >= kMinFlowBytes,
+          name + ".flow_bytes is below " + std::to_string(kMinFlowBytes) +
+              ": hardly more than headers would ever pass");
 }
 
 void check_bucket(const std::string& name, int rate, int burst, int datagram_bytes) {
@@ -44,11 +47,11 @@ LinkProfile::LinkProfile() {
 
 void check(const LinkProfile& profile) {
   const int datagram_bytes = profile.transport.datagram_bytes;
-  check_topic("request", profile.request, datagram_bytes);
-  check_topic("message", profile.message, datagram_bytes);
-  check_topic("full_message", profile.full_message, datagram_bytes);
-  check_topic("status", profile.status, datagram_bytes);
-  check_topic("odometry", profile.odometry, datagram_bytes);
+  check_topic("request", profile.request);
+  check_topic("message", profile.message);
+  check_topic("full_message", profile.full_message);
+  check_topic("status", profile.status);
+  check_topic("odometry", profile.odometry);
   require(profile.status.reliability == Reliability::kReliable && profile.status.late_joiners &&
               profile.status.liveliness_ms > 0,
           "status must be reliable, kept for late_joiners and watched by liveliness_ms: by it "

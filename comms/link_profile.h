@@ -58,10 +58,15 @@ struct LoadProfile {
   int patience_ms = 200;  // what has not found room by then is dropped
 };
 
+struct SecurityProfile {
+  bool required = false;  // without keys there is no link
+};
+
 struct LinkProfile {
   TransportProfile transport;
   DiscoveryProfile discovery;
   LoadProfile load;
+  SecurityProfile security;
   TopicProfile request, message, full_message, status, odometry;
 
   LinkProfile();  // lossy_wifi

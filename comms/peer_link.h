@@ -46,6 +46,10 @@ struct LinkConfig {
   std::vector<std::string> initial_peers;  // IPv4 hosts to look for drones on, unless by multicast
   std::string discovery_server;            // IPv4:PORT, for DiscoveryMode::kServer
 
+  // Folder that holds this drone's keys in <security>/<agent>/ (key_folder.h): its team is
+  // encrypted and nobody else can take part. Empty: an open link.
+  std::string security;
+
   std::size_t inbox_limit = 256;  // messages not yet taken, all kinds together
 };
 

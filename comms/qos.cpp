@@ -9,6 +9,8 @@
 #include <random>
 #include <string>
 
+#include "comms/key_folder.h"
+
 namespace covey {
 namespace {
 
@@ -119,6 +121,27 @@ void set_limits(const LinkConfig& config, dds::ParticipantResourceLimitsQos& lim
   limits.data_limits.max_partitions = 256;
 }
 
+// What is protected, and how, says the signed governance (access_rules.h).
+void set_security(const LinkConfig& config, dds::PropertyPolicyQos& qos) {
+  if (config.security.empty()) return;
+  const std::string identity = "dds.sec.auth.builtin.PKI-DH.";
+  const std::string access = "dds.sec.access.builtin.Access-Permissions.";
+  const std::pair<std::string, const char*> files[] = {
+      {identity + "identity_ca", kIdentityAuthorityFile},
+      {identity + "identity_certificate", kCertificateFile},
+      {identity + "identity_crl", kRevokedFile},
+      {identity + "private_key", kPrivateKeyFile},
+      {access + "permissions_ca", kPermissionsAuthorityFile},
+      {access + "governance", kGovernanceFile},
+      {access + "permissions", kPermissionsFile}};
+  auto& properties = qos.properties();
+  properties.emplace_back("dds.sec.auth.plugin", "builtin.PKI-DH");
+  properties.emplace_back("dds.sec.access.plugin", "builtin.Access-Permissions");
+  properties.emplace_back("dds.sec.crypto.plugin", "builtin.AES-GCM-GMAC");
+  for (const auto& [property, file] : files)
+    properties.emplace_back(property, "file://" + (key_folder(config) / file).string());
+}
+
 const TopicProfile& topic_profile(Kind kind, const LinkProfile& profile) {
   switch (kind) {
     case Kind::kRequest:
@@ -204,6 +227,7 @@ dds::DomainParticipantQos participant_qos(const LinkConfig& config,
   qos.name(("covey/" + config.team + "/" + config.agent).c_str());
   // By default Fast DDS tells everybody the names of host and user.
   qos.properties().properties().clear();
+  set_security(config, qos.properties());
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(
       std::make_shared<CountingTransportDescriptor>(udp_transport(config), counters));

@@ -106,6 +106,13 @@ std::string transport(const UDPv4TransportDescriptor& udp) {
                  number("maxInitialPeersRange", udp.maxInitialPeersRange) + interfaces);
 }
 
+std::string properties(const dds::PropertyPolicyQos& qos) {
+  std::string out;
+  for (const auto& property : qos.properties())
+    out += tag("property", tag("name", property.name()) + tag("value", property.value()));
+  return out.empty() ? "" : tag("propertiesPolicy", tag("properties", "\n" + out));
+}
+
 std::string participant(const LinkConfig& config, const dds::DomainParticipantQos& qos) {
   const dds::WireProtocolConfigQos& wire = qos.wire_protocol();
   const std::string builtin =
@@ -118,7 +125,8 @@ std::string participant(const LinkConfig& config, const dds::DomainParticipantQo
                           tag("userTransports", tag("transport_id", "covey_udp")) +
                           flag("useBuiltinTransports", false) +
                           locators("defaultUnicastLocatorList", wire.default_unicast_locator_list) +
-                          tag("builtin", "\n" + builtin) + allocation(qos.allocation())));
+                          tag("builtin", "\n" + builtin) + allocation(qos.allocation()) +
+                          properties(qos.properties())));
 }
 
 // -------------------------------------------------------------------------------------- topics

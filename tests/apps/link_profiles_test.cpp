@@ -133,8 +133,8 @@ TEST(LinkProfiles, AnOverrideThatCannotBeIsNamed) {
 TEST(LinkProfiles, ValuesThatContradictEachOtherAreRefused) {
   EXPECT_THAT(complaint_about_override("request.lifespan_ms", "30"),
               HasSubstr("request.lifespan_ms is not above heartbeat_ms"));
-  EXPECT_THAT(complaint_about_override("message.flow_bytes", "700"),
-              HasSubstr("message.flow_bytes is below transport.datagram_bytes"));
+  EXPECT_THAT(complaint_about_override("message.flow_bytes", "300"),
+              HasSubstr("message.flow_bytes is below 512"));
   EXPECT_THAT(complaint_about_override("status.reliability", "\"best_effort\""),
               HasSubstr("status must be reliable"));
   EXPECT_THAT(complaint_about_override("odometry.history", "\"all\""),

@@ -13,22 +13,22 @@
 #include <memory>
 
 #include "comms/qos.h"
-#include "tests/comms/team_config.h"
+#include "tests/comms/secure_team.h"
 
 namespace covey {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::rtps::PropertyPolicyHelper;
 using eprosima::fastrtps::types::ReturnCode_t;
 
 // Every value is another one than Fast DDS's own, so that one that is lost shows.
-LinkConfig unusual_config() {
-  LinkConfig config = team_config("uav0");
+LinkConfig unusual_config(LinkConfig config) {
   config.interfaces = {"127.0.0.1"};
   config.initial_peers = {"127.0.0.1"};
   config.loopback_only = false;
   TransportProfile& transport = config.profile.transport;
-  transport.datagram_bytes = 1234;
+  transport.datagram_bytes = 7654;
   transport.socket_buffer_kib = 99;
   DiscoveryProfile& discovery = config.profile.discovery;
   discovery.lease_ms = 7001;
@@ -99,7 +99,8 @@ class LoadedXml {
 
 // Profiles of one process are known by name for good: one test for all.
 TEST(QosXml, FastDdsReadsBackWhatALinkUses) {
-  const LinkConfig config = unusual_config();
+  const SecureTeam team({"uav0"});
+  const LinkConfig config = unusual_config(team.config("uav0"));
   const LoadedXml xml(config);
   ASSERT_TRUE(xml.loaded());
   const std::pair<const char*, Kind> topics[] = {{"request", Kind::kRequest},
@@ -116,6 +117,13 @@ TEST(QosXml, FastDdsReadsBackWhatALinkUses) {
   const auto used = participant_qos(config, std::make_shared<WireCounters>());
   EXPECT_EQ(read.name(), used.name());
   EXPECT_TRUE(read.allocation() == used.allocation());
+  ASSERT_EQ(used.properties().properties().size(), 10u);  // three plugins, seven files
+  for (const auto& property : used.properties().properties()) {
+    const std::string* value =
+        PropertyPolicyHelper::find_property(read.properties(), property.name());
+    ASSERT_NE(value, nullptr) << property.name();
+    EXPECT_EQ(*value, property.value());
+  }
   EXPECT_FALSE(read.transport().use_builtin_transports);
   const auto& read_wire = read.wire_protocol();
   const auto& used_wire = used.wire_protocol();
@@ -133,7 +141,7 @@ TEST(QosXml, FastDdsReadsBackWhatALinkUses) {
 }
 
 TEST(QosXml, AConfigurationThatCannotWorkIsRefused) {
-  LinkConfig config = unusual_config();
+  LinkConfig config = unusual_config(team_config("uav0"));
   config.profile.message.flow_bytes = 100;
   EXPECT_THROW((void)qos_xml(config), std::runtime_error);
 }

@@ -26,7 +26,7 @@ BEGIN {
   library["estimator"] = "^Eigen/"
   library["frontend"] = "^(Eigen|opencv2)/"
   posix = "(unistd|ifaddrs|netdb)[.]h$|(arpa|net|netinet|sys)/"
-  library["comms"] = "^((Eigen|fastdds|fastrtps|fastcdr)/|" posix ")"
+  library["comms"] = "^((Eigen|fastdds|fastrtps|fastcdr|openssl)/|" posix ")"
   library["sim"] = "^((Eigen|opencv2)/|spng[.]h$|" posix ")"
   library["apps"] = "/|[.]h$"
   # Threads, files, clocks and printing belong to apps.
