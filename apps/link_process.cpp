@@ -64,7 +64,7 @@ ChildProcess start(const std::string& drone) {
 }  // namespace
 
 RestartPolicy::Duration RestartPolicy::pause_after(Duration life) {
-  constexpr Duration kGoodLife{5000}, kFirst{100}, kLongest{2000};
+  constexpr Duration kGoodLife{5000}, kFirst{100}, kLongest{1000};
   if (life >= kGoodLife)
     pause_ = Duration(0);
   else

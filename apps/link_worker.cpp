@@ -2,6 +2,7 @@
 #include "apps/link_worker.h"
 
 #include <sys/resource.h>
+#include <sys/socket.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -162,6 +163,14 @@ void leave_signals_to_the_drone() {
   std::signal(SIGTERM, SIG_IGN);
 }
 
+void require_socket(int fd) {
+  int type = 0;
+  socklen_t size = sizeof(type);
+  if (getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &size) == 0) return;
+  throw std::runtime_error("link: --fd " + std::to_string(fd) +
+                           " is no socket: a drone starts its link, use covey agent");
+}
+
 }  // namespace
 
 bool run_link(int socket) {
@@ -188,6 +197,7 @@ void add_link_command(CLI::App& covey) {
   command->add_option("--drone", options->drone, "For people who look at processes");
   command->add_option("--fd", options->fd, "Descriptor on which the drone speaks")->required();
   command->callback([options] {
+    require_socket(options->fd);
     leave_signals_to_the_drone();
     if (!run_link(options->fd)) throw CLI::RuntimeError(1);
   });

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <functional>
@@ -92,6 +93,13 @@ TEST_F(LinkInFlight, ItDoesNotOutliveItsDrone) {
   EXPECT_TRUE(eventually([link] { return !runs(link); }));
   covey.send(SIGINT);
   EXPECT_EQ(covey.finish(), 1);
+}
+
+TEST_F(LinkInFlight, ItIsNothingThatAPersonStarts) {
+  CoveyProcess covey({"link", "--fd", "99"});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), HasSubstr("covey: link: --fd 99 is no socket"));
+  EXPECT_EQ(std::count(covey.output().begin(), covey.output().end(), '\n'), 1);
 }
 
 TEST_F(LinkInFlight, InLockstepThereIsNoOtherProcess) {

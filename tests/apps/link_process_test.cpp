@@ -157,7 +157,7 @@ TEST(RestartPolicy, ALifeWorthItsNameIsFollowedAtOnceByTheNext) {
   EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(100));
   EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(200));
   for (int i = 0; i < 10; ++i) (void)policy.pause_after(milliseconds(10));
-  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(2000));
+  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(1000));
   EXPECT_EQ(policy.pause_after(milliseconds(60'000)), milliseconds(0));
 }
 
