@@ -471,6 +471,8 @@ LinkStatistics PeerLink::Impl::statistics() const {
   statistics.last_dds_error = std::move(errors.last);
   statistics.wire_bytes_sent = wire_->bytes_sent;
   statistics.wire_bytes_received = wire_->bytes_received;
+  if (wire_->malformed_received > 0)
+    statistics.rejected["unknown"]["malformed packet"] += wire_->malformed_received;
   const std::lock_guard lock(outbox_mutex_);
   statistics.dropped = outbox_.dropped();
   return statistics;
