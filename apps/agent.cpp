@@ -9,8 +9,10 @@
 #include <type_traits>
 #include <utility>
 
+#include "apps/link_process.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
+#include "comms/peer_link.h"
 #include "estimator/initializer.h"
 
 namespace covey {
@@ -59,13 +61,14 @@ void require_sendable(const EstimatorConfig& estimator) {
                            ": lower estimator.max_clones or estimator.max_slam_features");
 }
 
-std::optional<PeerLink> open_link(const AgentConfig& config) {
-  if (config.agent.mode == FlightMode::kSolo) return std::nullopt;
-  LinkConfig link = config.link;
-  link.agent = config.agent.name;
-  link.full_messages = config.collaboration.exchange != ExchangeMode::kCompact;
+// In lockstep every step waits for what the others have sent and counts it: a laboratory's tool,
+// whose link may well be in this process. Whoever flies by a clock waits for no link.
+std::unique_ptr<Link> open_link(const AgentConfig& config) {
+  if (config.agent.mode == FlightMode::kSolo) return nullptr;
+  const LinkConfig link = link_config(config);
   if (link.full_messages) require_sendable(config.estimator);
-  return PeerLink(link);
+  if (config.agent.pace == Pace::kLockstep) return std::make_unique<PeerLink>(link);
+  return std::make_unique<LinkProcess>(config);
 }
 
 // When it was sent, as far as the message tells: handling must not depend on who was quicker.
@@ -119,7 +122,13 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   count(stamp_ns, result.content);
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
-  cpu_load_.sample(steady_ms(), process_cpu_s());
+  cpu_load_.sample(steady_ms(), cpu_s());
+}
+
+// With the link's process, where it has one.
+double Agent::cpu_s() const {
+  if (!link_) return process_cpu_s();
+  return process_cpu_s() + 1e-3 * static_cast<double>(link_->statistics().process_cpu_ms);
 }
 
 void Agent::count(const UpdateReport& update) {
@@ -193,6 +202,7 @@ void Agent::write_status(TimeNs stamp_ns) const {
                    {"peers", link_->peers()},
                    {"fused", peer_counts_.fused},
                    {"dropped_by_load", statistics.dropped},
+                   {"link_restarts", statistics.restarts},
                    {"wire_bytes_sent", statistics.wire_bytes_sent},
                    {"wire_bytes_received", statistics.wire_bytes_received}});
 }
@@ -327,6 +337,7 @@ LinkSummary Agent::link_summary() const {
   link.message.rejected = rejected_messages(statistics);
   link.wire_bytes_sent = signed_count(statistics.wire_bytes_sent);
   link.wire_bytes_received = signed_count(statistics.wire_bytes_received);
+  link.restarts = {statistics.restarts.begin(), statistics.restarts.end()};
   return link;
 }
 
@@ -339,10 +350,12 @@ AgentSummary Agent::summary() const {
         seconds_between(dataset_.images.front().stamp_ns, *pipeline_.start_ns());
   }
   summary.max_rss_mib = peak_rss_mib();
+  if (link_ && summary.max_rss_mib)
+    *summary.max_rss_mib += static_cast<double>(link_->statistics().process_peak_kib) / 1024;
   summary.max_cpu_percent = cpu_load_.max_percent();
   if (frames_ > 0) {
     const auto frames = static_cast<double>(frames_);
-    summary.cpu_ms_per_frame = 1e3 * process_cpu_s() / frames;
+    summary.cpu_ms_per_frame = 1e3 * cpu_s() / frames;
     summary.mean_tracks_per_frame = static_cast<double>(track_sightings_) / frames;
   }
   if (tracks_begun_ > 0) {
@@ -407,6 +420,7 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 }  // namespace
 
 void Agent::finish() {
+  if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();
   link_file_.close();

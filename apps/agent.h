@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <set>
@@ -20,7 +21,7 @@
 #include "apps/process_usage.h"
 #include "apps/run_files.h"
 #include "apps/run_summary.h"
-#include "comms/peer_link.h"
+#include "comms/link.h"
 
 namespace covey {
 
@@ -76,6 +77,7 @@ class Agent {
   void write_status(TimeNs stamp_ns) const;
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
+  [[nodiscard]] double cpu_s() const;
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
   [[nodiscard]] LinkSummary link_summary() const;
@@ -85,7 +87,7 @@ class Agent {
   AgentConfig config_;
   Dataset dataset_;
   Pipeline pipeline_;
-  std::optional<PeerLink> link_;
+  std::unique_ptr<Link> link_;  // none when flown alone
   std::filesystem::path folder_;
   OdometryWriter odometry_file_;
   TimingWriter timing_file_;

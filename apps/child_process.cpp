@@ -19,15 +19,18 @@ namespace covey {
 namespace {
 
 [[noreturn]] void fail(const std::string& what) {
-  throw std::runtime_error("an agent's process cannot be started: " + what + ": " +
-                           std::strerror(errno));
+  throw std::runtime_error("a process cannot be started: " + what + ": " + std::strerror(errno));
 }
 
-constexpr int kOwnNamespace = -1;
-
 // Between fork and exec: system calls only.
-bool enter(int network_namespace) {
-  return setns(network_namespace, CLONE_NEWNET) == 0 && prctl(PR_SET_PDEATHSIG, SIGKILL) == 0;
+bool tie_to(pid_t parent) {
+  return prctl(PR_SET_PDEATHSIG, SIGKILL) == 0 && getppid() == parent;  // it may just have died
+}
+
+// All but the standard streams and `fd` end at exec, whoever opened them.
+void keep_only(int fd) {
+  close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
+  fcntl(fd, F_SETFD, 0);
 }
 
 std::string describe_end(int status) {
@@ -44,15 +47,19 @@ std::string describe_end(int status) {
 }  // namespace
 
 ChildProcess ChildProcess::start_self(std::vector<std::string> arguments) {
-  return start(std::move(arguments), kOwnNamespace);
+  return start(std::move(arguments), {});
+}
+
+ChildProcess ChildProcess::start_self_tied(std::vector<std::string> arguments) {
+  return start(std::move(arguments), {-1, true});
 }
 
 ChildProcess ChildProcess::start_self_inside(int network_namespace,
                                              std::vector<std::string> arguments) {
-  return start(std::move(arguments), network_namespace);
+  return start(std::move(arguments), {network_namespace, true});
 }
 
-ChildProcess ChildProcess::start(std::vector<std::string> arguments, int network_namespace) {
+ChildProcess ChildProcess::start(std::vector<std::string> arguments, const Bonds& bonds) {
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) fail("socketpair");
   LineChannel own(ends[0]);
@@ -67,11 +74,14 @@ ChildProcess ChildProcess::start(std::vector<std::string> arguments, int network
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
 
+  const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) fail("fork");
   if (pid == 0) {
-    if (network_namespace != kOwnNamespace && !enter(network_namespace)) _exit(127);
-    fcntl(ends[1], F_SETFD, 0);  // this one survives exec
+    const bool inside =
+        bonds.network_namespace < 0 || setns(bonds.network_namespace, CLONE_NEWNET) == 0;
+    if (!inside || (bonds.tied && !tie_to(parent))) _exit(127);
+    keep_only(ends[1]);
     execv("/proc/self/exe", argv.data());
     _exit(127);
   }

@@ -21,8 +21,9 @@ class ChildProcess {
  public:
   // Starts this very program again. Throws std::runtime_error if that is not possible.
   static ChildProcess start_self(std::vector<std::string> arguments);
-  // The same inside a network namespace. It does not outlive the calling thread, which would leave
-  // the namespace behind.
+  // The same, but it does not outlive the calling thread.
+  static ChildProcess start_self_tied(std::vector<std::string> arguments);
+  // Tied as well, which leaves no namespace behind, and inside a network namespace.
   static ChildProcess start_self_inside(int network_namespace, std::vector<std::string> arguments);
 
   ~ChildProcess();  // kills what still runs
@@ -42,7 +43,11 @@ class ChildProcess {
   [[nodiscard]] std::optional<std::string> ended(std::chrono::milliseconds patience);
 
  private:
-  static ChildProcess start(std::vector<std::string> arguments, int network_namespace);
+  struct Bonds {
+    int network_namespace = -1;  // a descriptor; -1: the caller's
+    bool tied = false;           // to the calling thread's life
+  };
+  static ChildProcess start(std::vector<std::string> arguments, const Bonds& bonds);
   ChildProcess(pid_t pid, LineChannel channel) : pid_(pid), channel_(std::move(channel)) {}
   [[nodiscard]] bool reap();
 

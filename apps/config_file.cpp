@@ -94,6 +94,13 @@ AgentConfig read_config(const std::filesystem::path& file) {
   return config;
 }
 
+LinkConfig link_config(const AgentConfig& config) {
+  LinkConfig link = config.link;
+  link.agent = config.agent.name;
+  link.full_messages = config.collaboration.exchange != ExchangeMode::kCompact;
+  return link;
+}
+
 std::string print_config(const AgentConfig& config) {
   AgentConfig copy = config;
   const auto json = to_ordered_json([&](ConfigVisitor& visitor) { visit_config(copy, visitor); });

@@ -106,6 +106,9 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
 [[nodiscard]] AgentConfig read_config(const std::filesystem::path& file);
 [[nodiscard]] nlohmann::json parse_config_file(const std::filesystem::path& file);
 
+// The link of this drone, as its settings want it.
+[[nodiscard]] LinkConfig link_config(const AgentConfig& config);
+
 [[nodiscard]] std::string print_config(const AgentConfig& config);  // JSON
 // One line per key: key, default, range, meaning and unit.
 [[nodiscard]] std::string describe_config();

@@ -313,6 +313,8 @@ void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.text("security", link.security,
          "folder of this team's keys, made by covey keys; empty: an open link");
   v.count("inbox_limit", link.inbox_limit, {1, 1e6}, "messages not yet taken");
+  v.count("max_memory_mib", link.max_memory_mib, {16, 1e5},
+          "[MiB] of its own in the link's process; beyond, it is started anew");
 }
 
 void visit_profile_choice(ProfileChoice& choice, ConfigVisitor& v) {

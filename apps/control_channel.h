@@ -21,7 +21,7 @@
 #include <variant>
 #include <vector>
 
-#include "comms/peer_link.h"
+#include "comms/link.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -85,6 +85,8 @@ class LineChannel {
   [[nodiscard]] std::optional<std::string> take_line();
   // The other end has gone and no line is left.
   [[nodiscard]] bool closed() const { return end_of_file_; }
+  // For those who do not speak in lines.
+  [[nodiscard]] int descriptor() const { return fd_; }
 
   // Waits until one of the channels has something, or the time is up, or a signal comes.
   static void wait(const std::vector<const LineChannel*>& channels,

@@ -15,6 +15,7 @@
 #include "apps/inspect_command.h"
 #include "apps/keys_command.h"
 #include "apps/lab_command.h"
+#include "apps/link_worker.h"
 #include "apps/places_command.h"
 #include "apps/qos_command.h"
 #include "apps/report_command.h"
@@ -57,7 +58,7 @@ int run(CLI::App& covey, int argc, char** argv) {
 
 int run(int argc, char** argv) {
   cv::setNumThreads(1);  // drones share the machine's cores
-  spdlog::set_default_logger(spdlog::stderr_color_st("covey"));
+  spdlog::set_default_logger(spdlog::stderr_color_mt("covey"));
   spdlog::set_pattern("covey: %l: %v");
 
   CLI::App covey("Collaborative visual and thermal inertial odometry for teams of drones", "covey");
@@ -75,6 +76,7 @@ int run(int argc, char** argv) {
   covey::add_qos_command(covey);
   covey::add_keys_command(covey);
   covey::add_lab_command(covey);
+  covey::add_link_command(covey);
   return run(covey, argc, argv);
 }
 

@@ -32,17 +32,20 @@ double process_cpu_s() {
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
-std::optional<double> peak_rss_mib() {
-  std::ifstream status("/proc/self/status");
+std::optional<double> memory_mib(const std::string& process, const std::string& field) {
+  std::ifstream status("/proc/" + process + "/status");
+  const std::string start = field + ":";
   std::string line;
   while (std::getline(status, line)) {
-    if (line.rfind("VmHWM:", 0) != 0) continue;
+    if (line.rfind(start, 0) != 0) continue;
     double kib = 0;
-    std::istringstream(line.substr(6)) >> kib;
+    std::istringstream(line.substr(start.size())) >> kib;
     return kib / 1024;
   }
   return std::nullopt;
 }
+
+std::optional<double> peak_rss_mib() { return memory_mib("self", "VmHWM"); }
 
 void CpuLoadMonitor::sample(double now_ms, double cpu_s) {
   constexpr double kWindowMs = 1000;

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// What this process costs: CPU time of all its threads and memory.
+// What a process costs, this one above all: CPU time of all its threads and memory.
 #pragma once
 
 #include <optional>
+#include <string>
 
 namespace covey {
 
@@ -14,8 +15,12 @@ namespace covey {
 
 [[nodiscard]] double process_cpu_s();  // s, user and system, all threads
 
-// Peak of the resident memory, MiB. Read from /proc: what getrusage reports would include the
-// program that started this one. Nothing where /proc is not there.
+// One of the Vm... and Rss... lines of /proc/PROCESS/status, MiB. Nothing where that is not there.
+[[nodiscard]] std::optional<double> memory_mib(const std::string& process,
+                                               const std::string& field);
+
+// Peak of the resident memory, MiB. What getrusage reports would include the program that started
+// this one.
 [[nodiscard]] std::optional<double> peak_rss_mib();
 
 // Highest share of one core over windows of at least a second of wall time.

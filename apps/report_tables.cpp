@@ -323,7 +323,8 @@ std::string link_table(const RunData& data) {
        {"wire sent<br>kB",
         of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_sent); }), 1},
        {"wire received<br>kB",
-        of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_received); }), 1}});
+        of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_received); }), 1},
+       count_column("link<br>restarted", restart_count)});
 }
 
 }  // namespace covey

@@ -69,19 +69,21 @@ Json to_json(const StageSummary& stages) {
 }
 
 Json to_json(const LinkSummary& link) {
-  return {{"request",
-           {{"sent", link.request.sent},
-            {"received", link.request.received},
-            {"payload_bytes_sent", link.request.payload_bytes_sent}}},
-          {"message",
-           {{"sent", link.message.sent},
-            {"received", link.message.received},
-            {"payload_bytes_sent", link.message.payload_bytes_sent},
-            {"fused", link.message.fused},
-            {"gated", link.message.gated},
-            {"rejected", link.message.rejected}}},
-          {"wire_bytes_sent", or_null(link.wire_bytes_sent)},
-          {"wire_bytes_received", or_null(link.wire_bytes_received)}};
+  Json json = {{"request",
+                {{"sent", link.request.sent},
+                 {"received", link.request.received},
+                 {"payload_bytes_sent", link.request.payload_bytes_sent}}},
+               {"message",
+                {{"sent", link.message.sent},
+                 {"received", link.message.received},
+                 {"payload_bytes_sent", link.message.payload_bytes_sent},
+                 {"fused", link.message.fused},
+                 {"gated", link.message.gated},
+                 {"rejected", link.message.rejected}}},
+               {"wire_bytes_sent", or_null(link.wire_bytes_sent)},
+               {"wire_bytes_received", or_null(link.wire_bytes_received)}};
+  if (!link.restarts.empty()) json["restarts"] = link.restarts;
+  return json;
 }
 
 // A json object together with the way to it: "RUN/summary.json: agents.uav0.link".
@@ -189,6 +191,8 @@ std::optional<LinkSummary> link_from(const Object& agent) {
                      message.get<std::int64_t>("rejected")};
   summary.wire_bytes_sent = link.optional<std::int64_t>("wire_bytes_sent");
   summary.wire_bytes_received = link.optional<std::int64_t>("wire_bytes_received");
+  if (link.has("restarts"))
+    summary.restarts = link.get<std::map<std::string, std::int64_t>>("restarts");
   return summary;
 }
 
@@ -220,6 +224,12 @@ AteSummary summarize(const AbsoluteError& error) {
 }
 
 }  // namespace
+
+std::int64_t restart_count(const LinkSummary& link) {
+  std::int64_t count = 0;
+  for (const auto& [reason, restarts] : link.restarts) count += restarts;
+  return count;
+}
 
 nlohmann::json to_json(const AgentSummary& agent) {
   const std::optional<AccuracySummary>& accuracy = agent.accuracy;

@@ -47,7 +47,11 @@ struct LinkSummary {
   RequestSummary request;
   MessageSummary message;
   std::optional<std::int64_t> wire_bytes_sent, wire_bytes_received;
+  // How often its process was started anew, by reason; the key exists only if it was.
+  std::map<std::string, std::int64_t> restarts;
 };
+
+[[nodiscard]] std::int64_t restart_count(const LinkSummary& link);
 
 // A peer's world in the own one, against the truth.
 struct AlignmentSummary {
@@ -60,7 +64,7 @@ struct AgentSummary {
   std::optional<double> initialised_after_s;
   std::optional<double> distance_m;         // of the truth, or of the estimate without one
   std::optional<AccuracySummary> accuracy;  // empty without ground truth
-  std::optional<double> cpu_ms_per_frame, max_rss_mib, max_cpu_percent;
+  std::optional<double> cpu_ms_per_frame, max_rss_mib, max_cpu_percent;  // with the link's process
   StageSummary stage_ms;
   std::optional<double> mean_tracks_per_frame, mean_track_length;
   std::optional<LinkSummary> link;  // empty when flown alone

@@ -177,6 +177,8 @@ std::string table_line(const std::string& name, const AgentSummary& agent,
         fmt::format(" {:>9} {:>16}", fmt::format("{}/{}", agent.link->request.sent, message.sent),
                     fmt::format("{}/{}/{}/{}", message.received, message.fused, message.gated,
                                 message.rejected));
+    const std::int64_t restarts = restart_count(*agent.link);
+    if (restarts > 0) line += fmt::format("  link restarted {} times", restarts);
   }
   if (agent.incomplete) line += "  " + *agent.incomplete;
   return line + "\n";

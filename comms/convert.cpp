@@ -133,6 +133,7 @@ Eigen::Quaterniond to_quaternion(const std::array<Scalar, 4>& xyzw) {
 constexpr double kBearingUnit = 1.0 / 8192;
 constexpr double kDepthSteps = 2048, kDepthOctaves = 16;  // per octave; below 1 1/m
 constexpr double kSigmaSteps = 8, kSigmaOctaves = 24, kLeastSigma = 5e-4;
+constexpr double kSigmaSlack = 1e-9;  // of a step: what was decoded is encoded as it was
 
 template <typename Integer>
 Integer clamped(double value) {
@@ -149,8 +150,8 @@ void append(const PeerLandmark& landmark, wire::MessageUAV& out) {
   out.inverse_depths().push_back(clamped<std::uint16_t>(
       std::round((std::log2(landmark.inverse_depth) + kDepthOctaves) * kDepthSteps)));
   const double sigma = std::max(kLeastSigma, landmark.inverse_depth_sigma / landmark.inverse_depth);
-  out.depth_sigmas().push_back(
-      clamped<std::uint8_t>(std::ceil((std::log2(sigma) + kSigmaOctaves) * kSigmaSteps)));
+  out.depth_sigmas().push_back(clamped<std::uint8_t>(
+      std::ceil((std::log2(sigma) + kSigmaOctaves) * kSigmaSteps - kSigmaSlack)));
   if (out.patch_spacing() > 0) {
     out.patches().insert(out.patches().end(), landmark.patch.begin(), landmark.patch.end());
   }

@@ -8,6 +8,8 @@
 
 #include <utility>
 
+#include "comms/rtps_check.h"
+
 namespace covey {
 namespace {
 
@@ -65,6 +67,10 @@ class CountingTransport : public ChainingTransport {
   void receive(TransportReceiverInterface* next, const eprosima::fastrtps::rtps::octet* buffer,
                std::uint32_t size, const Locator_t& local, const Locator_t& remote) override {
     descriptor_.counters->bytes_received += kHeaderBytes + size;
+    if (!is_rtps_message(buffer, size)) {
+      ++descriptor_.counters->malformed_received;
+      return;
+    }
     next->OnDataReceived(buffer, size, local, remote);
   }
 

@@ -88,7 +88,6 @@ struct ParticipantDeleter {
 class PeerLink::Impl {
  public:
   explicit Impl(const LinkConfig& config);
-  ~Impl();
 
   bool send(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& keyframe);
@@ -96,6 +95,7 @@ class PeerLink::Impl {
   bool publish(const Odometry& odometry);
   bool publish(const AgentStatus& status);
   bool flush(milliseconds timeout);
+  void close();
   [[nodiscard]] LinkStatistics statistics() const;
   [[nodiscard]] LinkState& state() { return state_; }
 
@@ -158,6 +158,7 @@ class PeerLink::Impl {
   std::condition_variable outbox_changed_;
   Outbox outbox_;
   bool closed_ = false;
+  bool said_farewell_ = false;  // and joined the threads
 
   std::thread housekeeper_;
   std::thread dispatcher_;
@@ -183,7 +184,8 @@ PeerLink::Impl::Impl(const LinkConfig& config)
   if (!outbox_.unlimited()) dispatcher_ = std::thread([this] { keep_sending(); });
 }
 
-PeerLink::Impl::~Impl() {
+void PeerLink::Impl::close() {
+  if (std::exchange(said_farewell_, true)) return;
   state_.close();
   {
     const std::lock_guard lock(outbox_mutex_);
@@ -469,6 +471,8 @@ LinkStatistics PeerLink::Impl::statistics() const {
   statistics.last_dds_error = std::move(errors.last);
   statistics.wire_bytes_sent = wire_->bytes_sent;
   statistics.wire_bytes_received = wire_->bytes_received;
+  if (wire_->malformed_received > 0)
+    statistics.rejected["unknown"]["malformed packet"] += wire_->malformed_received;
   const std::lock_guard lock(outbox_mutex_);
   statistics.dropped = outbox_.dropped();
   return statistics;
@@ -477,9 +481,7 @@ LinkStatistics PeerLink::Impl::statistics() const {
 // ------------------------------------------------------------------------------------- the outside
 
 PeerLink::PeerLink(const LinkConfig& config) : impl_(std::make_unique<Impl>(config)) {}
-PeerLink::~PeerLink() = default;
-PeerLink::PeerLink(PeerLink&&) noexcept = default;
-PeerLink& PeerLink::operator=(PeerLink&&) noexcept = default;
+PeerLink::~PeerLink() { impl_->close(); }
 
 bool PeerLink::send(const PlaceAdvert& advert) { return impl_->send(advert); }
 bool PeerLink::send(const PeerKeyframe& keyframe) { return impl_->send(keyframe); }
@@ -487,6 +489,7 @@ bool PeerLink::send(const FullPeerKeyframe& message) { return impl_->send(messag
 bool PeerLink::publish(const Odometry& odometry) { return impl_->publish(odometry); }
 bool PeerLink::publish(const AgentStatus& status) { return impl_->publish(status); }
 bool PeerLink::flush(milliseconds timeout) { return impl_->flush(timeout); }
+void PeerLink::close() { impl_->close(); }
 
 std::vector<Inbound> PeerLink::take() { return impl_->state().take(); }
 std::set<std::string> PeerLink::peers() const { return impl_->state().peers(); }

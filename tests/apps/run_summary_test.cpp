@@ -102,6 +102,15 @@ TEST(RunSummary, SaysWhyAFlightEndedEarlyAndOnlyThen) {
   EXPECT_FALSE(agents.at("uav0").contains("incomplete"));
 }
 
+TEST(RunSummary, SaysWhyALinkWasStartedAnewAndOnlyThen) {
+  RunSummary run = example();
+  EXPECT_FALSE(to_json(run).at("agents").at("uav0").at("link").contains("restarts"));
+  run.agents["uav0"].link->restarts = {{"did not report", 2}, {"ended by itself", 1}};
+  const RunSummary read = run_summary_from_json(to_json(run), "run");
+  EXPECT_EQ(read.agents.at("uav0").link->restarts, run.agents["uav0"].link->restarts);
+  EXPECT_EQ(restart_count(*read.agents.at("uav0").link), 3);
+}
+
 TEST(RunSummary, AFolderThatDoesNotExistIsNamed) {
   const TemporaryFolder folder;
   EXPECT_THAT([&] { write_run_summary(folder.path() / "none" / "summary.json", example()); },

@@ -77,8 +77,27 @@ TEST(Convert, LandmarksAreRoundedFinely) {
     EXPECT_NEAR(b.inverse_depth / a.inverse_depth, 1.0, 1.8e-4);
     const double share = a.inverse_depth_sigma / a.inverse_depth;
     const double got_share = b.inverse_depth_sigma / b.inverse_depth;
-    EXPECT_GE(got_share, share * (1 - 1e-12));
+    EXPECT_GE(got_share, share * (1 - 1e-9));
     EXPECT_LE(got_share, std::max(5.5e-4, 1.1 * share));
+  }
+}
+
+// Between the processes of a drone and its link messages are encoded twice.
+TEST(Convert, LandmarksAreRoundedOnlyOnce) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> octave(-9, 9);
+  PeerKeyframe sent = samples::keyframe("uav1", "uav0", 200);
+  for (PeerLandmark& landmark : sent.landmarks) {
+    landmark.inverse_depth = std::exp2(octave(random));
+    landmark.inverse_depth_sigma = landmark.inverse_depth * std::exp2(octave(random) - 9);
+  }
+  const auto once = decode_peer_keyframe(encode(sent));
+  const auto twice = decode_peer_keyframe(encode(accepted(once)));
+  for (std::size_t i = 0; i < sent.landmarks.size(); ++i) {
+    const PeerLandmark &a = accepted(once).landmarks[i], &b = accepted(twice).landmarks[i];
+    EXPECT_EQ(a.bearing, b.bearing);
+    EXPECT_EQ(a.inverse_depth, b.inverse_depth);
+    EXPECT_EQ(a.inverse_depth_sigma, b.inverse_depth_sigma);
   }
 }
 

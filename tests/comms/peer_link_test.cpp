@@ -347,15 +347,6 @@ TEST(PeerLink, WithNobodyThereNothingIsLeftToFlush) {
   EXPECT_TRUE(link.flush(std::chrono::milliseconds(100)));
 }
 
-TEST(PeerLink, ALinkCanBeMoved) {
-  PeerLink a(team_config("uav0"));
-  PeerLink moved = std::move(a);
-  PeerLink b(team_config("uav1"));
-  ASSERT_TRUE(moved.wait_for_peers({"uav1"}, kPatience));
-  ASSERT_TRUE(b.send(samples::advert("uav1")));
-  EXPECT_TRUE(moved.wait_for_inbox({1, 0}, kPatience));
-}
-
 TEST(PeerLink, NamedInterfacesAndHostsWorkWithoutLoopbackOnly) {
   const auto config = [](const std::string& agent) {
     LinkConfig out = team_config(agent);

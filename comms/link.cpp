@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/link.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace covey {
+namespace {
+
+constexpr std::size_t kMaxNames = 300;
+constexpr char kOthers[] = "others";
+
+void add(KindStatistics& sum, const KindStatistics& more) {
+  sum.sent += more.sent;
+  sum.received += more.received;
+  sum.refused += more.refused;
+  sum.payload_bytes_sent += more.payload_bytes_sent;
+  sum.payload_bytes_received += more.payload_bytes_received;
+}
+
+void add(std::uint64_t& sum, std::uint64_t more) { sum += more; }
+
+template <typename Value>
+void add(std::map<std::string, Value>& sum, const std::map<std::string, Value>& more) {
+  for (const auto& [name, value] : more) {
+    const bool room = sum.size() < kMaxNames || sum.count(name) > 0;
+    add(sum[room ? name : kOthers], value);
+  }
+}
+
+}  // namespace
+
+LinkStatistics sum(LinkStatistics before, const LinkStatistics& now) {
+  add(before.request, now.request);
+  add(before.message, now.message);
+  add(before.status, now.status);
+  add(before.odometry, now.odometry);
+  add(before.messages_sent_to, now.messages_sent_to);
+  add(before.rejected, now.rejected);
+  add(before.refused, now.refused);
+  add(before.dropped, now.dropped);
+  before.inbox_dropped += now.inbox_dropped;
+  before.dds_errors += now.dds_errors;
+  if (!now.last_dds_error.empty()) before.last_dds_error = now.last_dds_error;
+  before.wire_bytes_sent += now.wire_bytes_sent;
+  before.wire_bytes_received += now.wire_bytes_received;
+  add(before.restarts, now.restarts);
+  before.process_cpu_ms += now.process_cpu_ms;
+  before.process_peak_kib = std::max(before.process_peak_kib, now.process_peak_kib);
+  return before;
+}
+
+}  // namespace covey

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A drone and the process of its link, which dies, hangs, grows and lies here. A link's process is
+// this very program: the true one, or one that misbehaves, by the drone's name.
+#include "apps/link_process.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <functional>
+#include <thread>
+#include <vector>
+
+#include "apps/link_worker.h"
+#include "apps/process_usage.h"
+#include "comms/peer_link.h"
+#include "tests/apps/covey_process.h"
+#include "tests/comms/samples.h"
+#include "tests/comms/team_config.h"
+
+namespace covey {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Key;
+
+// ------------------------------------------------------------------------- processes that
+// misbehave
+
+// Reports like a true one, and does something else in between.
+void report_and(int socket, const std::function<void(RecordChannel&)>& misbehave) {
+  RecordChannel channel(socket);
+  while (channel.exchange(milliseconds(5))) {
+    channel.offer(RecordKind::kReport, encode(LinkReport()));
+    misbehave(channel);
+  }
+}
+
+void grow(int socket) {
+  std::vector<Bytes> hoard;
+  report_and(socket, [&](RecordChannel&) { hoard.emplace_back(8 << 20, std::uint8_t{1}); });
+}
+
+void fall_silent(int socket) {
+  report_and(socket, [](RecordChannel& channel) {
+    (void)channel.exchange(milliseconds(0));
+    pause();
+  });
+}
+
+void babble(int socket) {
+  report_and(socket, [socket](RecordChannel& channel) {
+    (void)channel.exchange(milliseconds(0));
+    (void)send(socket, "no record at all", 16, MSG_NOSIGNAL);
+  });
+}
+
+void report_nonsense(int socket) {
+  report_and(socket, [](RecordChannel& channel) {
+    channel.offer(RecordKind::kReport, to_bytes(R"({"peers": -1})"));
+  });
+}
+
+void slander(int socket) {
+  report_and(socket, [](RecordChannel& channel) {
+    channel.offer(RecordKind::kRequest, to_bytes("not a sample"));
+    channel.offer(RecordKind::kStatus, encode(StatusSample{samples::status("slander"), {}}));
+    channel.offer(RecordKind::kRequest, encode(samples::advert("uav7")));
+  });
+}
+
+void give_up(int socket) {
+  RecordChannel channel(socket);
+  channel.offer(RecordKind::kComplaint, to_bytes("link: no such radio\x1b"));
+  channel.finish(milliseconds(1000));
+}
+
+int play_link(const std::string& drone, int socket) {
+  if (drone == "grow") grow(socket);
+  if (drone == "fall_silent") fall_silent(socket);
+  if (drone == "babble") babble(socket);
+  if (drone == "report_nonsense") report_nonsense(socket);
+  if (drone == "slander") slander(socket);
+  if (drone == "give_up") give_up(socket);
+  if (drone == "leave") return 3;
+  return drone.rfind("uav", 0) == 0 && !run_link(socket) ? 1 : 0;
+}
+
+// ----------------------------------------------------------------------------------------- helpers
+
+AgentConfig drone(const std::string& name) {
+  AgentConfig config;
+  config.agent.name = name;
+  config.link = team_config(name);
+  config.link.max_memory_mib = 1024;  // sanitizers need much
+  return config;
+}
+
+// Whether it became true before patience ended.
+bool eventually(const std::function<bool()>& test) {
+  const auto deadline = steady_clock::now() + kPatience;
+  while (!test()) {
+    if (steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(milliseconds(2));
+  }
+  return true;
+}
+
+std::optional<pid_t> process_of(const std::string& drone) {
+  for (const pid_t child : children_of(getpid()))
+    if (file_content("/proc/" + std::to_string(child) + "/cmdline").find(drone) !=
+        std::string::npos)
+      return child;
+  return std::nullopt;
+}
+
+std::uint64_t restarts(const Link& link) {
+  std::uint64_t count = 0;
+  for (const auto& [reason, times] : link.statistics().restarts) count += times;
+  return count;
+}
+
+// Asks again and again, as a flight does, until it is heard.
+bool reaches(Link& from, const std::string& sender, Link& to) {
+  (void)to.take();
+  static std::uint64_t keyframe_id = 1000;
+  const std::uint64_t first = ++keyframe_id;
+  return eventually([&] {
+    (void)from.send(samples::advert(sender, ++keyframe_id));
+    for (const Inbound& inbound : to.take()) {
+      const auto* advert = std::get_if<PlaceAdvert>(&inbound);
+      if (advert != nullptr && advert->keyframe_id > first) return true;
+    }
+    return false;
+  });
+}
+
+// The reason for which the process of a drone with this name is started anew again and again.
+std::string end_of(const std::string& name) {
+  const LinkProcess link(drone(name));
+  EXPECT_TRUE(eventually([&] { return restarts(link) >= 2; }));
+  return link.statistics().restarts.begin()->first;
+}
+
+// ------------------------------------------------------------------------------------------- tests
+
+TEST(RestartPolicy, ALifeWorthItsNameIsFollowedAtOnceByTheNext) {
+  RestartPolicy policy;
+  EXPECT_EQ(policy.pause_after(milliseconds(60'000)), milliseconds(0));
+  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(100));
+  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(200));
+  for (int i = 0; i < 10; ++i) (void)policy.pause_after(milliseconds(10));
+  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(1000));
+  EXPECT_EQ(policy.pause_after(milliseconds(60'000)), milliseconds(0));
+}
+
+TEST(RestartPolicy, AStartThatTookTooLongMayTakeLonger) {
+  RestartPolicy policy;
+  EXPECT_EQ(policy.start_patience(), milliseconds(2000));
+  for (const int patience_ms : {4000, 8000, 16'000, 16'000}) {
+    policy.started_in_time(false);
+    EXPECT_EQ(policy.start_patience(), milliseconds(patience_ms));
+  }
+  policy.started_in_time(true);
+  EXPECT_EQ(policy.start_patience(), milliseconds(2000));
+}
+
+TEST(LinkProcess, CarriesWhatALinkCarries) {
+  LinkProcess link(drone("uav0"));
+  PeerLink peer(team_config("uav1"));
+  ASSERT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(peer.wait_for_peers({"uav0"}, kPatience));
+  EXPECT_THAT(link.peers(), testing::ElementsAre("uav1"));
+
+  const PeerKeyframe sent = samples::keyframe("uav0", "uav1");
+  EXPECT_TRUE(link.send(samples::advert("uav0")));
+  EXPECT_TRUE(link.send(sent));
+  EXPECT_TRUE(link.publish(samples::odometry()));
+  ASSERT_TRUE(peer.wait_for_inbox({1, 1}, kPatience));
+  for (const Inbound& inbound : peer.take()) {
+    if (const auto* got = std::get_if<PeerKeyframe>(&inbound)) {
+      EXPECT_EQ(got->landmarks.size(), sent.landmarks.size());
+      EXPECT_DOUBLE_EQ(got->landmarks[3].inverse_depth_sigma,
+                       sent.landmarks[3].inverse_depth_sigma);
+    }
+  }
+  EXPECT_TRUE(peer.send(samples::advert("uav1", 8)));
+  EXPECT_TRUE(peer.send(samples::keyframe("uav1", "uav0")));
+  ASSERT_TRUE(link.wait_for_inbox({1, 1}, kPatience));
+  EXPECT_EQ(link.arrived().messages, 1U);
+
+  link.close();
+  const LinkStatistics statistics = link.statistics();
+  EXPECT_EQ(statistics.request.sent, 1U);
+  EXPECT_EQ(statistics.request.received, 1U);
+  EXPECT_EQ(statistics.messages_sent_to.at("uav1"), 1U);
+  EXPECT_EQ(statistics.odometry.sent, 1U);
+  EXPECT_GT(statistics.wire_bytes_sent, encode(samples::advert()).size());
+  EXPECT_GT(statistics.process_peak_kib, 0U);
+  EXPECT_THAT(statistics.restarts, IsEmpty());
+  EXPECT_THAT(children_of(getpid()), IsEmpty());
+}
+
+TEST(LinkProcess, CarriesWholeFilters) {
+  AgentConfig config = drone("uav0");
+  config.collaboration.exchange = ExchangeMode::kNaive;
+  LinkProcess link(config);
+  LinkConfig other = team_config("uav1");
+  other.full_messages = true;
+  PeerLink peer(other);
+  ASSERT_TRUE(link.wait_for_peers(1, kPatience));
+  ASSERT_TRUE(peer.wait_for_peers(1, kPatience));
+  EXPECT_TRUE(link.send(samples::full_keyframe("uav0", "")));
+  ASSERT_TRUE(peer.wait_for_inbox({0, 1}, kPatience));
+  EXPECT_TRUE(peer.send(samples::full_keyframe("uav1", "uav0")));
+  ASSERT_TRUE(link.wait_for_inbox({0, 1}, kPatience));
+}
+
+TEST(LinkProcess, RefusesWhatNoDroneMayMeanAndCountsIt) {
+  LinkProcess link(drone("uav0"));
+  PlaceAdvert nameless = samples::advert("");
+  EXPECT_FALSE(link.send(nameless));
+  Odometry nowhere = samples::odometry();
+  nowhere.pose.p_world_imu.x() = std::nan("");
+  EXPECT_FALSE(link.publish(nowhere));
+  (void)link.send(samples::advert("uav9"));  // its process refuses that
+  link.close();
+  EXPECT_EQ(link.statistics().request.refused, 2U);
+  EXPECT_EQ(link.statistics().odometry.refused, 1U);
+}
+
+class LinkProcessEnds : public testing::TestWithParam<int> {};
+
+// Killed, or stopped: then it hangs.
+TEST_P(LinkProcessEnds, AnotherOneIsThereAndTalksWithinSeconds) {
+  LinkProcess link(drone("uav0"));
+  PeerLink peer(team_config("uav1"));
+  ASSERT_TRUE(reaches(link, "uav0", peer) && reaches(peer, "uav1", link));
+  // Reported by now, so that it is not lost with the process.
+  ASSERT_TRUE(eventually([&] { return link.statistics().request.received > 0; }));
+  const std::uint64_t sent_before = link.statistics().request.sent;
+
+  const pid_t process = process_of("uav0").value();
+  const auto start = steady_clock::now();
+  ASSERT_EQ(kill(process, GetParam()), 0);
+  ASSERT_TRUE(eventually([&] { return restarts(link) == 1; }));
+  EXPECT_TRUE(reaches(peer, "uav1", link));
+  EXPECT_TRUE(reaches(link, "uav0", peer));
+  const auto back = std::chrono::duration_cast<milliseconds>(steady_clock::now() - start);
+  RecordProperty("back_ms", static_cast<int>(back.count()));
+  EXPECT_LT(back, milliseconds(8000));  // 2 s, and what a busy machine and sanitizers add
+
+  EXPECT_EQ(kill(process, 0), -1) << "still there, or a zombie";
+  EXPECT_EQ(children_of(getpid()).size(), 1U);
+  EXPECT_THAT(
+      link.statistics().restarts,
+      Contains(Key(GetParam() == SIGKILL ? "killed by signal 9 (SIGKILL)" : "did not report")));
+  EXPECT_TRUE(eventually([&] { return link.statistics().request.sent > sent_before; }));
+}
+
+INSTANTIATE_TEST_SUITE_P(BySignal, LinkProcessEnds, testing::Values(SIGKILL, SIGSTOP),
+                         [](const auto& signal) {
+                           return signal.param == SIGKILL ? "Killed" : "Stopped";
+                         });
+
+TEST(LinkProcess, ADroneNeverWaitsForAProcessThatHangs) {
+  LinkProcess link(drone("uav0"));
+  ASSERT_EQ(kill(process_of("uav0").value(), SIGSTOP), 0);
+  // More than the socket and the waiting records hold, before anybody notices.
+  const PeerKeyframe large = samples::keyframe("uav0", "uav1", 256);
+  for (int i = 0; i < 1000; ++i) (void)link.send(large);
+  const LinkStatistics statistics = link.statistics();
+  EXPECT_GT(statistics.message.refused, 100U);
+  EXPECT_THAT(statistics.refused, Contains(Key(HasSubstr("the link"))));
+}
+
+TEST(LinkProcess, UsesNoSharedMemoryThatAKillCouldLeaveBehind) {
+  const LinkProcess link(drone("uav0"));
+  const std::string maps =
+      file_content("/proc/" + std::to_string(process_of("uav0").value()) + "/maps");
+  ASSERT_FALSE(maps.empty());
+  EXPECT_EQ(maps.find("/dev/shm"), std::string::npos);
+}
+
+TEST(LinkProcess, OneThatGrowsIsStartedAnewBeforeItIsLarge) {
+  AgentConfig config = drone("grow");
+  config.link.max_memory_mib = 400;
+  const LinkProcess link(config);
+  ASSERT_TRUE(eventually([&] { return restarts(link) >= 2; }));
+  EXPECT_THAT(link.statistics().restarts, Contains(Key("used more than link.max_memory_mib")));
+}
+
+// The second guard, against what grows faster than anybody looks.
+TEST(LinkProcess, ATrueOneMayNotClaimMoreThanItsLimit) {
+  AgentConfig config = drone("uav0");
+  const LinkProcess link(config);
+  const std::string process = std::to_string(process_of("uav0").value());
+  const std::string limits = file_content("/proc/" + process + "/limits");
+  const std::string line = limits.substr(limits.find("Max data size") + 13);
+  const double limit_mib = std::stod(line) / 1024 / 1024;  // throws for "unlimited"
+  EXPECT_LE(limit_mib, memory_mib(process, "VmData").value() + config.link.max_memory_mib);
+}
+
+TEST(LinkProcess, OneThatMisbehavesIsStartedAnewAndTheReasonIsCounted) {
+  EXPECT_EQ(end_of("fall_silent"), "did not report");
+  EXPECT_EQ(end_of("babble"), "said no record");
+  EXPECT_EQ(end_of("report_nonsense"), "reported nonsense");
+  EXPECT_THAT(children_of(getpid()), IsEmpty());
+}
+
+TEST(LinkProcess, WhatItPassesOnIsCheckedAsAStrangersWordsAre) {
+  LinkProcess link(drone("slander"));
+  ASSERT_TRUE(link.wait_for_inbox({10, 0}, kPatience));
+  for (const Inbound& inbound : link.take())
+    EXPECT_EQ(std::get<PlaceAdvert>(inbound).sender, "uav7");
+  const auto rejected = link.statistics().rejected.at("link's process");
+  EXPECT_THAT(rejected, Contains(Key("another drone bears this drone's name")));
+  EXPECT_GE(rejected.size(), 2U);
+  EXPECT_EQ(restarts(link), 0U);
+}
+
+std::string complaint(const AgentConfig& config) {
+  try {
+    const LinkProcess link(config);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(LinkProcess, WhatCannotStartSaysWhyInOneLine) {
+  EXPECT_EQ(complaint(drone("give_up")), "link: no such radio?");
+  EXPECT_EQ(complaint(drone("leave")),
+            "the link cannot be started: its process ended with exit code 3");
+  AgentConfig config = drone("uav0");
+  config.link.team = "two words";
+  EXPECT_THAT(complaint(config), HasSubstr("two words"));
+  EXPECT_THAT(children_of(getpid()), IsEmpty());
+}
+
+}  // namespace
+}  // namespace covey
+
+int main(int argc, char** argv) {
+  if (argc == 6 && std::string(argv[1]) == "link")
+    return covey::play_link(argv[3], std::stoi(argv[5]));
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
