@@ -241,12 +241,6 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.count("min_landmarks", c.min_landmarks, {1, 256}, "in an answer");
   v.number("drift_px", c.drift_px, {0, 1e4},
            "[px] by which worlds may look shifted, in a first attempt to match");
-  v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
-  v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
-  v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");
-  v.number("aligned_sigma_px", c.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
-  v.count("images", c.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
-  v.number("depth_memory_s", c.depth_memory_s, {0, 1e3}, "[s] over which depths are measured");
   v.count("max_landmarks", c.max_landmarks, {1, 256}, "in an answer");
   v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
   v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <stdexcept>
+#include <string>
 
 namespace covey {
 namespace {
@@ -122,6 +124,17 @@ TEST(ConfigFile, EveryPrintedKeyIsDescribed) {
           << value;
     }
   }
+}
+
+TEST(ConfigFile, NoKeyStandsTwice) {
+  std::istringstream description(describe_config());
+  std::set<std::string> seen;
+  for (std::string line; std::getline(description, line);) {
+    const std::string key = line.substr(0, line.find(' '));
+    if (key.empty()) continue;
+    EXPECT_TRUE(seen.insert(key).second) << key;
+  }
+  EXPECT_GT(seen.size(), 100u);
 }
 
 TEST(ConfigFile, KeysThatHoldAnglesEndInDeg) {
