@@ -88,6 +88,10 @@ nlohmann::json parse_config_file(const std::filesystem::path& file) {
   }
 }
 
+bool is_calibrated(ThermalMode mode, bool thermal) {
+  return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
+}
+
 AgentConfig read_config(const std::filesystem::path& file) {
   AgentConfig config;
   merge_config(parse_config_file(file), file.string(), config);

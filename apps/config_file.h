@@ -76,6 +76,8 @@ enum class ThermalMode {
   kRaw,         // images as they are; 16-bit ones stretched to what each holds
   kCalibrated,  // whatever the camera is
 };
+// Whether the images of a camera are, that is a thermal one or not.
+[[nodiscard]] bool is_calibrated(ThermalMode mode, bool thermal);
 
 struct ThermalConfig {
   ThermalMode mode = ThermalMode::kAuto;

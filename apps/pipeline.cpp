@@ -25,10 +25,6 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   return estimator;
 }
 
-bool is_calibrated(ThermalMode mode, bool thermal) {
-  return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
-}
-
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;

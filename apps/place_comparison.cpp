@@ -120,7 +120,7 @@ DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
   }
   std::vector<SurveyedView> views;
   for (const DroneFolder& drone : drones) {
-    const std::vector<SurveyedView> seen = survey_flight(drone, config.interval_s);
+    const std::vector<SurveyedView> seen = survey_flight(drone, config.interval_s, config.thermal);
     views.insert(views.end(), seen.begin(), seen.end());
   }
   return compare_descriptors(name_of(dataset), views, config);

@@ -17,9 +17,10 @@
 namespace covey {
 
 struct ComparisonConfig {
-  double interval_s = 0.5;               // between the views of a drone
-  double same_overlap = 0.3;             // views that share at least this show the same place,
-  double different_overlap = 0.05;       // less than this another one; between them nobody is asked
+  double interval_s = 0.5;          // between the views of a drone
+  double same_overlap = 0.3;        // views that share at least this show the same place,
+  double different_overlap = 0.05;  // less than this another one; between them nobody is asked
+  ThermalMode thermal = ThermalMode::kAuto;
   Vocabulary vocabulary;                 // of both VLADs
   std::optional<Vocabulary> many_words;  // of the bag of words, which is left out without them
 };

@@ -11,6 +11,7 @@
 
 #include "apps/camera_pose.h"
 #include "apps/grey_image.h"
+#include "frontend/photometric_calibration.h"
 #include "frontend/tracker.h"
 
 namespace covey {
@@ -51,22 +52,28 @@ struct UnfinishedView {
 
 class Surveyor {
  public:
-  Surveyor(const DroneFolder& drone, const Dataset& dataset, double interval_s)
+  Surveyor(const DroneFolder& drone, const Dataset& dataset, double interval_s, ThermalMode thermal)
       : name_(drone.name),
         dataset_(dataset),
         interval_ns_(nanoseconds(interval_s)),
-        tracker_(TrackerConfig(), dataset.camera) {}
+        tracker_(TrackerConfig(), dataset.camera) {
+    if (is_calibrated(thermal, dataset.thermal)) {
+      calibration_.emplace(PhotometricConfig(),
+                           cv::Size(dataset.camera.width, dataset.camera.height));
+    }
+  }
 
   void see(const ImageEntry& image) {
     const TimeNs moment_ns = image.stamp_ns + nanoseconds(dataset_.extrinsics.time_offset_s);
     const auto truth = ground_truth_at(*dataset_.ground_truth, moment_ns);
     if (!truth) return;
     const Eigen::Isometry3d T_world_cam = camera_in_world(truth->pose, dataset_.extrinsics);
-    const cv::Mat pixels =
-        to_grey8(read_image(image, dataset_.camera.width, dataset_.camera.height));
     const Eigen::Isometry3d before = T_world_previous_.value_or(T_world_cam);
-    TrackedFrame frame =
-        tracker_.track(image.stamp_ns, pixels, T_world_cam.linear().transpose() * before.linear());
+    const Eigen::Matrix3d R_cam_previous = T_world_cam.linear().transpose() * before.linear();
+    const cv::Mat grey = prepared(image, R_cam_previous);
+    if (grey.empty()) return;
+    TrackedFrame frame = tracker_.track(image.stamp_ns, grey, R_cam_previous);
+    if (calibration_) calibration_->observe(tracker_.places());
     T_world_previous_ = T_world_cam;
     for (const TrackedFeature& feature : frame.features) {
       rays_[feature.track_id].add(T_world_cam, feature.bearing);
@@ -91,6 +98,15 @@ class Surveyor {
   }
 
  private:
+  // Empty where a thermal camera sees nothing.
+  cv::Mat prepared(const ImageEntry& image, const Eigen::Matrix3d& R_cam_previous) {
+    const cv::Mat pixels = read_image(image, dataset_.camera.width, dataset_.camera.height);
+    if (!calibration_) return to_grey8(pixels);
+    return calibration_
+        ->correct(image.stamp_ns, pixels, tracker_.predict(image.stamp_ns, R_cam_previous))
+        .pixels;
+  }
+
   void keep(TrackedFrame& frame, const Eigen::Isometry3d& T_world_cam) {
     next_view_ns_ = frame.stamp_ns + interval_ns_;
     tracker_.describe(frame, T_world_cam.linear());
@@ -110,6 +126,7 @@ class Surveyor {
   const Dataset& dataset_;
   TimeNs interval_ns_;
   Tracker tracker_;
+  std::optional<PhotometricCalibration> calibration_;
   TimeNs next_view_ns_ = 0;
   std::optional<Eigen::Isometry3d> T_world_previous_;
   std::unordered_map<std::uint64_t, RayBundle> rays_;  // by track
@@ -145,14 +162,15 @@ double share_seen(const SurveyedView& from, const SurveyedView& to) {
 
 }  // namespace
 
-std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s) {
+std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
+                                        ThermalMode thermal) {
   const Dataset dataset = read_dataset(drone.mav0);
   if (!dataset.ground_truth) {
     throw std::runtime_error(drone.mav0.string() +
                              ": has no ground truth (state_groundtruth_estimate0/data.csv): which "
                              "views show the same place is not known");
   }
-  Surveyor surveyor(drone, dataset, interval_s);
+  Surveyor surveyor(drone, dataset, interval_s, thermal);
   for (const ImageEntry& image : dataset.images) surveyor.see(image);
   return surveyor.views();
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/config_file.h"
 #include "apps/dataset.h"
 #include "estimator/measurements.h"
 #include "frontend/camera.h"
@@ -26,7 +27,8 @@ struct SurveyedView {
 
 // A view every `interval_s` of the flight, tracked at full rate. Throws std::runtime_error for a
 // drone without ground truth.
-[[nodiscard]] std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s);
+[[nodiscard]] std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
+                                                      ThermalMode thermal);
 
 // Share of the points of either view that lie in the other's image, less than 30 degrees and a
 // factor of two in distance from where they were seen, the smaller of both shares. Descriptors

@@ -16,7 +16,7 @@ namespace {
 
 struct Options {
   std::vector<std::string> datasets;
-  std::string out, vocabulary = "visual", many_words;
+  std::string out, vocabulary = "visual", many_words, thermal;
   ComparisonConfig comparison;
 };
 
@@ -24,6 +24,10 @@ void compare(Options options) {
   options.comparison.vocabulary = load_vocabulary(options.vocabulary);
   if (!options.many_words.empty()) {
     options.comparison.many_words = load_vocabulary(options.many_words);
+  }
+  if (!options.thermal.empty()) {
+    options.comparison.thermal =
+        options.thermal == "raw" ? ThermalMode::kRaw : ThermalMode::kCalibrated;
   }
   std::vector<DatasetComparison> comparisons;
   for (const std::string& dataset : options.datasets) {
@@ -60,6 +64,11 @@ void add_places_command(CLI::App& covey) {
   command->add_option("--interval", options->comparison.interval_s, "Seconds between views")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1e6));
+  command
+      ->add_option("--thermal", options->thermal,
+                   "Images as they are, or photometrically calibrated (default: thermal cameras' "
+                   "images are)")
+      ->check(CLI::IsMember({"raw", "calibrated"}));
   command->callback([options] { compare(*options); });
 }
 

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "apps/place_survey.h"
 #include "apps/run_summary.h"
 #include "apps/vocabulary_file.h"
 #include "tests/apps/covey_process.h"
@@ -34,6 +35,16 @@ TEST(PlacesProgram, TrainsOnAFlightAndMeasuresWithTheWords) {
   EXPECT_GE(flight["views"], 8);
   EXPECT_EQ(flight["descriptors"]["paper"]["mean_bytes"], 32 * 32);
   EXPECT_GT(flight["descriptors"]["compact"]["average_precision"], 0.5);
+}
+
+TEST(SurveyFlight, LooksAtImagesAsTheyAreFlownOrAsAskedFor) {
+  const DroneFolder drone = find_drones(COVEY_TEST_FLIGHT).front();
+  const auto features = [&](ThermalMode thermal) {
+    return survey_flight(drone, 1.0, thermal).front().features;
+  };
+  const auto raw = features(ThermalMode::kRaw);
+  EXPECT_EQ(features(ThermalMode::kAuto), raw) << "the camera is a visual one";
+  EXPECT_NE(features(ThermalMode::kCalibrated), raw) << "other contrast, other corners";
 }
 
 TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
