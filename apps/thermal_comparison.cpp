@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <opencv2/imgproc.hpp>
 
+#include "sim/field_slope.h"
+
 namespace covey {
 namespace {
 
@@ -85,21 +87,6 @@ std::optional<GainErrors> errors_of_chains(const std::vector<Compared>& images) 
 
 double rms(const cv::Mat& values) {
   return cv::norm(values, cv::NORM_L2) / std::sqrt(static_cast<double>(values.total()));
-}
-
-// CV_32FC1 without the plane that fits it best: x and y are orthogonal on a grid.
-cv::Mat without_slope(const cv::Mat& field) {
-  cv::Mat x(field.size(), CV_32FC1), y(field.size(), CV_32FC1);
-  for (int row = 0; row < field.rows; ++row) {
-    for (int column = 0; column < field.cols; ++column) {
-      x.at<float>(row, column) = static_cast<float>(column - 0.5 * (field.cols - 1));
-      y.at<float>(row, column) = static_cast<float>(row - 0.5 * (field.rows - 1));
-    }
-  }
-  cv::Mat rest = field - cv::mean(field)[0];
-  rest -= x * (rest.dot(x) / x.dot(x));
-  rest -= y * (rest.dot(y) / y.dot(y));
-  return rest;
 }
 
 struct FieldFigures {

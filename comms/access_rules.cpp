@@ -5,24 +5,16 @@
 #include <ctime>
 #include <vector>
 
+#include "comms/xml_tag.h"
+
 namespace covey {
 namespace {
 
 using std::chrono::hours;
 using std::chrono::system_clock;
 
+// What follows is compact: permissions travel in every handshake.
 constexpr char kHead[] = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-
-// Compact: permissions travel in every handshake.
-std::string tag(const std::string& name, const std::string& content) {
-  std::string out = "<";
-  out += name;
-  out += '>';
-  out += content;
-  out += "</";
-  out += name.substr(0, name.find(' '));
-  return out += ">\n";
-}
 
 std::string domains_xml(const DomainRange& domains) {
   return tag("domains", tag("id_range", tag("min", std::to_string(domains.first)) +

@@ -9,6 +9,7 @@
 
 #include "comms/config_check.h"
 #include "comms/qos.h"
+#include "comms/xml_tag.h"
 
 namespace covey {
 namespace {
@@ -20,16 +21,6 @@ using eprosima::fastrtps::ResourceLimitedContainerConfig;
 using eprosima::fastrtps::rtps::DiscoveryProtocol;
 using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::LocatorList_t;
-
-std::string tag(const std::string& name, const std::string& content) {
-  std::string out = "<";
-  out += name;
-  out += '>';
-  out += content;
-  out += "</";
-  out += name.substr(0, name.find(' '));
-  return out += ">\n";
-}
 
 template <typename Number>
 std::string number(const std::string& name, Number value) {

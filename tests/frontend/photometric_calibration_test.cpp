@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "sim/field_slope.h"
 #include "tests/frontend/synthetic_thermal.h"
 
 namespace covey {
@@ -52,22 +53,8 @@ Flight fly(SyntheticThermal& camera, PhotometricCalibration& calibration, int im
   return flight;
 }
 
-// The camera slides and turns over a plane: all patches move alike, and a slope cannot be seen.
-cv::Mat without_slope(const cv::Mat& field) {
-  cv::Mat x(field.size(), CV_32FC1), y(field.size(), CV_32FC1);
-  for (int row = 0; row < field.rows; ++row) {
-    for (int column = 0; column < field.cols; ++column) {
-      x.at<float>(row, column) = static_cast<float>(column - 0.5 * (field.cols - 1));
-      y.at<float>(row, column) = static_cast<float>(row - 0.5 * (field.rows - 1));
-    }
-  }
-  cv::Mat rest = field - cv::mean(field)[0];
-  rest -= x * (rest.dot(x) / x.dot(x));
-  rest -= y * (rest.dot(y) / y.dot(y));
-  return rest;
-}
-
-// `unit`: what one grey level of the camera is in the calibration's units.
+// `unit`: what one grey level of the camera is in the calibration's units. The camera slides and
+// turns over a plane: all patches move alike, and a slope cannot be seen.
 double field_error(const SyntheticThermal& camera, const PhotometricCalibration& calibration,
                    double unit) {
   const cv::Mat found = without_slope(calibration.field() / unit);
