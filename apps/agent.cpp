@@ -22,13 +22,9 @@ namespace fs = std::filesystem;
 
 constexpr double kStatusInterval_s = 1;
 
-Dataset read_recording(const AgentSettings& agent) {
+Dataset recording_of(const AgentSettings& agent) {
   if (agent.dataset.empty()) throw std::runtime_error("agent.dataset says no folder");
-  Dataset dataset = read_dataset(agent.dataset);
-  if (dataset.images.empty()) throw std::runtime_error(agent.dataset + ": no images");
-  const cv::Mat first =
-      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
-  dataset.thermal = dataset.thermal || first.depth() == CV_16U;
+  Dataset dataset = read_recording(agent.dataset);
   if (agent.duration_s > 0) {
     const TimeNs end_ns = dataset.images.front().stamp_ns + nanoseconds(agent.duration_s);
     auto& images = dataset.images;
@@ -95,7 +91,7 @@ std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t
 
 Agent::Agent(const AgentConfig& config)
     : config_(config),
-      dataset_(read_recording(config.agent)),
+      dataset_(recording_of(config.agent)),
       pipeline_(config,
                 {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),
@@ -122,7 +118,8 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   count(stamp_ns, result.content);
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
-  cpu_load_.sample(steady_ms(), cpu_s());
+  const double now_ms = steady_ms();
+  if (cpu_load_.due(now_ms)) cpu_load_.sample(now_ms, cpu_s());
 }
 
 // With the link's process, where it has one.

@@ -260,4 +260,13 @@ cv::Mat read_image(const ImageEntry& image, int width, int height) {
   return pixels;
 }
 
+Dataset read_recording(const std::filesystem::path& mav0) {
+  Dataset dataset = read_dataset(mav0);
+  if (dataset.images.empty()) throw std::runtime_error(mav0.string() + ": no images");
+  const cv::Mat first =
+      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
+  dataset.thermal = dataset.thermal || first.depth() == CV_16U;
+  return dataset;
+}
+
 }  // namespace covey

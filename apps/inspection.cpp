@@ -29,14 +29,6 @@ AgentConfig alone(AgentConfig config, ThermalMode mode, bool has_truth) {
   return config;
 }
 
-Dataset read_recording(const std::filesystem::path& mav0) {
-  Dataset dataset = read_dataset(mav0);
-  const cv::Mat first =
-      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
-  dataset.thermal = dataset.thermal || first.depth() == CV_16U;
-  return dataset;
-}
-
 // Evenly over the flight, neither its first nor its last.
 std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
   std::vector<std::size_t> indices;

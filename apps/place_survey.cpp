@@ -164,7 +164,7 @@ double share_seen(const SurveyedView& from, const SurveyedView& to) {
 
 std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
                                         ThermalMode thermal) {
-  const Dataset dataset = read_dataset(drone.mav0);
+  const Dataset dataset = read_recording(drone.mav0);
   if (!dataset.ground_truth) {
     throw std::runtime_error(drone.mav0.string() +
                              ": has no ground truth (state_groundtruth_estimate0/data.csv): which "

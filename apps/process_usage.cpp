@@ -47,13 +47,17 @@ std::optional<double> memory_mib(const std::string& process, const std::string& 
 
 std::optional<double> peak_rss_mib() { return memory_mib("self", "VmHWM"); }
 
-void CpuLoadMonitor::sample(double now_ms, double cpu_s) {
+bool CpuLoadMonitor::due(double now_ms) const {
   constexpr double kWindowMs = 1000;
-  if (!window_) window_ = Start{now_ms, cpu_s};
-  const double elapsed_ms = now_ms - window_->ms;
-  if (elapsed_ms < kWindowMs) return;
-  const double percent = 100 * (cpu_s - window_->cpu_s) / (elapsed_ms * 1e-3);
-  max_percent_ = std::max(percent, max_percent_.value_or(0));
+  return !window_ || now_ms - window_->ms >= kWindowMs;
+}
+
+void CpuLoadMonitor::sample(double now_ms, double cpu_s) {
+  if (!due(now_ms)) return;
+  if (window_) {
+    const double percent = 100 * (cpu_s - window_->cpu_s) / ((now_ms - window_->ms) * 1e-3);
+    max_percent_ = std::max(percent, max_percent_.value_or(0));
+  }
   window_ = Start{now_ms, cpu_s};
 }
 

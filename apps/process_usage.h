@@ -26,6 +26,8 @@ namespace covey {
 // Highest share of one core over windows of at least a second of wall time.
 class CpuLoadMonitor {
  public:
+  // Whether a sample is of use now; it is ignored otherwise.
+  [[nodiscard]] bool due(double now_ms) const;
   void sample(double now_ms, double cpu_s);
   [[nodiscard]] std::optional<double> max_percent() const { return max_percent_; }
 

@@ -2,7 +2,6 @@
 #include "apps/split_intersection.h"
 
 #include <Eigen/Cholesky>
-#include <limits>
 
 #include "estimator/chi_square.h"
 #include "estimator/so3.h"
@@ -12,31 +11,16 @@ namespace {
 
 constexpr double kGateConfidence = 0.999;
 
-Vector6d residual(const RelativePose& measurement, const Eigen::Matrix3d& R_other,
-                  const Eigen::Vector3d& b) {
-  Vector6d r;
-  r << R_other * measurement.T_other_own.translation() - b,
-      log_so3(R_other * measurement.T_other_own.linear() *
-              measurement.own.T_world_cam.linear().transpose());
-  return r;
-}
-
 // Of the relative pose, in world: what bearings leave open, and the scale of the depths, which is
 // as wrong as the other's odometry was over the way on which they were measured.
-Matrix6d noise(const RelativePose& measurement, const Eigen::Matrix3d& R_other,
-               const Eigen::Vector3d& b) {
-  constexpr double kShortest_m = 0.3;  // depths measured over less come from somewhere else
+Matrix6d noise(const RelativePose& measurement, const Eigen::Vector3d& b) {
   const KeyframePose &other = measurement.other, &before = measurement.other_before;
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = R_other;
-  Matrix6d R = turn * measurement.covariance * turn.transpose();
   const Eigen::Vector3d p = other.T_world_cam.translation(),
-                        way = p - before.T_world_cam.translation();
-  if (way.norm() < kShortest_m) return R;
-  const Matrix6d Q =
-      drift_step(before.T_world_cam.translation(), before.covariance, p, other.covariance).Q;
-  const Eigen::Vector3d gradient = way / way.squaredNorm();
-  R.topLeftCorner<3, 3>() += gradient.dot(Q.topLeftCorner<3, 3>() * gradient) * (b * b.transpose());
+                        p_before = before.T_world_cam.translation();
+  const Matrix6d Q = drift_step(p_before, before.covariance, p, other.covariance).Q;
+  const Eigen::Matrix3d by_scale = b * scale_gradient(p_before, p);
+  Matrix6d R = rotated(measurement.covariance, other.T_world_cam.linear());
+  R.topLeftCorner<3, 3>() += by_scale * Q.topLeftCorner<3, 3>() * by_scale.transpose();
   return R;
 }
 
@@ -88,14 +72,16 @@ std::optional<DriftEstimate> SplitIntersection::at(std::uint64_t keyframe_id) co
 
 // r = e_own - e_other + [b]x dtheta_other + n, b from other to own.
 bool SplitIntersection::fuse(const RelativePose& measurement, const DriftEstimate& other) {
-  const Eigen::Matrix3d R_other = measurement.other.T_world_cam.linear();
   const Eigen::Vector3d b =
       measurement.own.T_world_cam.translation() - measurement.other.T_world_cam.translation();
   Matrix6d H = Matrix6d::Identity();  // of the other one's error
   H.topRightCorner<3, 3>() = -skew(b);
   const Matrix6d theirs = H * other.covariance * H.transpose();
-  const Matrix6d R = noise(measurement, R_other, b);
-  const Vector6d r = residual(measurement, R_other, b) - drift_.mean + H * other.mean;
+  const Matrix6d R = noise(measurement, b);
+  const Vector6d r =
+      relative_residual(measurement.T_other_own, measurement.other.T_world_cam.linear(),
+                        measurement.own.T_world_cam.linear(), b) -
+      drift_.mean + H * other.mean;
   const Matrix6d S = drift_.covariance + theirs + R;
   if (r.dot(S.llt().solve(r)) > chi_square_quantile(kGateConfidence, 6)) return false;
   const Fused fused = intersect(drift_.covariance, theirs, R);

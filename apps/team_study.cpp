@@ -17,6 +17,7 @@ struct SimulatedTeam {
   EstimatorConfig estimator;
   FeatureExchangeConfig exchange;
   SoloTeam solo;
+  std::vector<PathFigures> alone;  // of each drone
 };
 
 // Names and ids are free text: these do not fit into a signed byte.
@@ -34,7 +35,7 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   scenario.flight.duration_s = config.duration_s;
   scenario.camera.pixel_sigma = config.pixel_sigma;
   scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
-  SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}};
+  SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}, {}};
   for (std::size_t i = 0; i < team.simulation.drones.size(); ++i) {
     team.simulation.drones[i].name = name_of(i);
   }
@@ -43,6 +44,7 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   team.exchange.corner_mismatch = config.corner_mismatch_px / scenario.camera.focal_px;
   team.exchange.seed = seed;
   team.solo = fly_team_alone(team.simulation, team.estimator, team.exchange.limits.keyframe, seed);
+  for (const TeamMember& member : alone(team.solo)) team.alone.push_back(figures_of(member.path));
   return team;
 }
 
@@ -51,20 +53,19 @@ std::vector<TeamMember> fuse(const SimulatedTeam& team, const FeatureExchangeCon
                       exchange.limits.min_matches);
 }
 
-void add(TeamFigures& sum, const std::vector<TeamMember>& members, const SoloTeam& solo,
+void add(TeamFigures& sum, const std::vector<TeamMember>& members, const SimulatedTeam& team,
          int seeds) {
   constexpr double kDegreesOfFreedom = 3;
   constexpr double kWorse = 1.03;
-  const std::vector<TeamMember> by_itself = alone(solo);
   const double share = 1 / (static_cast<double>(members.size()) * seeds);
   for (std::size_t i = 0; i < members.size(); ++i) {
-    const PathFigures figures = figures_of(members[i].path), own = figures_of(by_itself[i].path);
+    const PathFigures figures = figures_of(members[i].path);
     sum.aligned_m += share * figures.aligned_m;
     sum.unaligned_m += share * figures.unaligned_m;
     sum.position_nees += share * figures.position_nees / kDegreesOfFreedom;
     sum.orientation_nees += share * figures.orientation_nees / kDegreesOfFreedom;
-    sum.worse_aligned += figures.aligned_m > kWorse * own.aligned_m ? share : 0;
-    sum.worse_unaligned += figures.unaligned_m > kWorse * own.unaligned_m ? share : 0;
+    sum.worse_aligned += figures.aligned_m > kWorse * team.alone[i].aligned_m ? share : 0;
+    sum.worse_unaligned += figures.unaligned_m > kWorse * team.alone[i].unaligned_m ? share : 0;
   }
 }
 
@@ -158,9 +159,9 @@ ScalingPoint study_team_size(const StudyConfig& config, int drones) {
   point.drones = drones;
   for (int seed = 1; seed <= config.seeds; ++seed) {
     const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
-    add(point.alone, alone(team.solo), team.solo, config.seeds);
+    add(point.alone, alone(team.solo), team, config.seeds);
     const std::vector<TeamMember> together = fuse(team, team.exchange);
-    add(point.together, together, team.solo, config.seeds);
+    add(point.together, together, team, config.seeds);
     const double share = 1 / (static_cast<double>(drones) * config.seeds);
     for (const TeamMember& member : together) {
       const double per_s = share / flown_s(member);
@@ -184,7 +185,7 @@ std::vector<AblationRow> study_parts(const StudyConfig& config, int drones) {
     for (std::size_t i = 0; i < all.size(); ++i) {
       const std::vector<TeamMember> members = all[i].second(team);
       rows[i].variant = all[i].first;
-      add(rows[i].figures, members, team.solo, config.seeds);
+      add(rows[i].figures, members, team, config.seeds);
       for (const TeamMember& member : members) {
         rows[i].relative_poses +=
             member.used / (static_cast<double>(members.size()) * config.seeds);

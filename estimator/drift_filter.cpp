@@ -29,13 +29,6 @@ constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
 constexpr auto block(int node) { return kSize * node; }
 
-Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
-  Matrix6d turn = Matrix6d::Zero();
-  turn.topLeftCorner<3, 3>() = R;
-  turn.bottomRightCorner<3, 3>() = R;
-  return turn * covariance * turn.transpose();
-}
-
 }  // namespace
 
 DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
@@ -234,15 +227,6 @@ void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
   }
 }
 
-// How the share by which odometry has the way before -> other too short changes with the error at
-// `other`: the landmarks' depths, and with them the way between the cameras, are too short by it.
-Eigen::RowVector3d DriftFilter::scale_gradient(const Node& before, const Node& other) {
-  constexpr double kShortest = 0.3;  // m; depths measured over less come from somewhere else
-  const Eigen::Vector3d way = other.p - before.p;
-  if (way.norm() < kShortest) return Eigen::RowVector3d::Zero();
-  return way.transpose() / way.squaredNorm();
-}
-
 // r = e_own - e_other + [b]x dtheta_other - b g (dp_other - dp_before) + n, b from other to own.
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   const std::uint64_t own_keyframe = measurement.own.keyframe_id;
@@ -254,7 +238,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   if (own == other) return DriftOutcome::kInvalid;
   const Node &k = node(own), &m = node(other);
   const Eigen::Vector3d b = k.p - m.p;
-  const Eigen::Matrix3d by_scale = b * scale_gradient(node(before), m);
+  const Eigen::Matrix3d by_scale = b * scale_gradient(node(before).p, m.p);
   Matrix6d H_other = -Matrix6d::Identity(), H_before = Matrix6d::Zero();
   H_other.topLeftCorner<3, 3>() -= by_scale;
   H_other.topRightCorner<3, 3>() = skew(b);
@@ -262,9 +246,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const std::array<std::pair<int, Matrix6d>, 3> terms{
       {{own, Matrix6d::Identity()}, {other, H_other}, {before, H_before}}};
 
-  Vector6d r;
-  r.head<3>() = m.R * measurement.T_other_own.translation() - b;
-  r.tail<3>() = log_so3(m.R * measurement.T_other_own.linear() * k.R.transpose());
+  Vector6d r = relative_residual(measurement.T_other_own, m.R, k.R, b);
   Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kSize);
   for (const auto& [index, H] : terms) {
     r -= H * x_.segment<kSize>(block(index));

@@ -119,7 +119,6 @@ class DriftFilter {
   // Has the drone said all that is believed of it about this own keyframe?
   [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
   void count_used(Drone& drone, std::uint64_t own_keyframe);
-  [[nodiscard]] static Eigen::RowVector3d scale_gradient(const Node& before, const Node& other);
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
 
   DriftConfig config_;

@@ -36,6 +36,29 @@ DriftStep drift_step(const Eigen::Vector3d& from, const Matrix6d& P_from, const 
   return step;
 }
 
+Eigen::RowVector3d scale_gradient(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  constexpr double kShortest = 0.3;  // m; depths measured over less come from somewhere else
+  const Eigen::Vector3d way = to - from;
+  if (way.norm() < kShortest) return Eigen::RowVector3d::Zero();
+  return way.transpose() / way.squaredNorm();
+}
+
+Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R) {
+  Matrix6d turn = Matrix6d::Zero();
+  turn.topLeftCorner<3, 3>() = R;
+  turn.bottomRightCorner<3, 3>() = R;
+  return turn * covariance * turn.transpose();
+}
+
+Vector6d relative_residual(const Eigen::Isometry3d& T_other_own,
+                           const Eigen::Matrix3d& R_world_other, const Eigen::Matrix3d& R_world_own,
+                           const Eigen::Vector3d& b) {
+  Vector6d r;
+  r.head<3>() = R_world_other * T_other_own.translation() - b;
+  r.tail<3>() = log_so3(R_world_other * T_other_own.linear() * R_world_own.transpose());
+  return r;
+}
+
 Odometry without_drift(const Odometry& alone, const Eigen::Vector3d& from, const Matrix6d& P_from,
                        const Vector6d& drift, const Matrix6d& P_drift) {
   Matrix6d to_world = Matrix6d::Identity();  // from [dp dtheta_local]

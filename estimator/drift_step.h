@@ -4,6 +4,8 @@
 // dtheta], world axes, R = Exp(dtheta) R^.
 #pragma once
 
+#include <Eigen/Geometry>
+
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -23,6 +25,21 @@ struct DriftStep {
 // From what odometry says of its errors at both ends.
 [[nodiscard]] DriftStep drift_step(const Eigen::Vector3d& from, const Matrix6d& P_from,
                                    const Eigen::Vector3d& to, const Matrix6d& P_to);
+
+// How the share by which odometry has the way from -> to too short changes with the position error
+// at `to`: landmarks' depths that were measured over it, and with them the way between two cameras,
+// are too short by it. Nothing where the way is too short for that.
+[[nodiscard]] Eigen::RowVector3d scale_gradient(const Eigen::Vector3d& from,
+                                                const Eigen::Vector3d& to);
+
+[[nodiscard]] Matrix6d rotated(const Matrix6d& covariance, const Eigen::Matrix3d& R);
+
+// What a relative pose says of the error at the own camera, less that at the other one; `b`, m,
+// from the other one to the own.
+[[nodiscard]] Vector6d relative_residual(const Eigen::Isometry3d& T_other_own,
+                                         const Eigen::Matrix3d& R_world_other,
+                                         const Eigen::Matrix3d& R_world_own,
+                                         const Eigen::Vector3d& b);
 
 // The odometry's output with the drift taken out that it had at `from`, where it said `P_from` of
 // its error: in truth that was `drift` with covariance `P_drift`.

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "estimator/median.h"
 
@@ -315,8 +316,8 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
   }
   quality.tracks = static_cast<int>(depth_errors.size());
   if (quality.tracks == 0) return quality;
-  quality.median_squared_residual = median(residuals);
-  quality.median_depth_error = median(depth_errors);
+  quality.median_squared_residual = median(std::move(residuals));
+  quality.median_depth_error = median(std::move(depth_errors));
   return quality;
 }
 
