@@ -246,6 +246,9 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
   v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");
   v.number("aligned_sigma_px", c.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
+  v.number("in_place_px", c.in_place_px, {0.01, 100},
+           "[px] to which those agree that are found where they are expected");
+  v.number("in_place_share", c.in_place_share, {0, 1}, "of what is found there, that agrees");
   v.count("images", c.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
   v.number("depth_memory_s", c.depth_memory_s, {0, 1e3}, "[s] over which depths are measured");
   v.number("max_relative_sigma", c.max_relative_sigma, {1e-3, 10},

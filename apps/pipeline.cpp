@@ -28,6 +28,7 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
+  collaboration.common_start = config.fusion.drift.common_start;
   return collaboration;
 }
 
@@ -281,6 +282,7 @@ PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
     if (!relative) return PeerOutcome::kRejected;
     switch (drift_->add(*relative)) {
       case DriftOutcome::kUsed:
+        tell_world_of(match.drone);
         peer_landmarks_.used += relative->inliers;
         return PeerOutcome::kFused;
       case DriftOutcome::kGated:
@@ -301,6 +303,18 @@ PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
   peer_landmarks_.uninformative += report.uninformative;
   if (report.used > 0) return PeerOutcome::kFused;
   return report.gated > 0 ? PeerOutcome::kGated : PeerOutcome::kRejected;
+}
+
+// In the world as the own odometry alone has it, with all its drift: so keyframes stand in it.
+void Pipeline::tell_world_of(const std::string& peer) {
+  const std::optional<WorldAlignment> world = drift_->alignment(peer);
+  if (!world) return;
+  const Odometry alone = estimator_.odometry();
+  const CameraExtrinsics extrinsics = estimator_.extrinsics();
+  const Eigen::Isometry3d with_drift =
+      camera_in_world(alone.pose, extrinsics) *
+      camera_in_world(drift_->corrected(alone).pose, extrinsics).inverse();
+  collaborator_->know_world(peer, with_drift * world->T_own_peer);
 }
 
 std::vector<TrackKind> Pipeline::kinds(const TrackedFrame& newest) {

@@ -105,6 +105,7 @@ class Pipeline {
                                                     TimingRecord& timing);
   void keep_filter(std::uint64_t keyframe_id);
   PeerOutcome fuse(const KeyframeMatch& match);
+  void tell_world_of(const std::string& peer);
 
   AgentConfig config_;
   Initialisation initialisation_;

@@ -124,7 +124,7 @@ struct PeerKeyframe {
   std::string receiver;
   std::uint64_t request_keyframe_id = 0;  // PlaceAdvert::keyframe_id that is answered
   KeyframePose pose;                      // in the sender's world
-  KeyframePose before;                    // the one since which the depths were measured
+  KeyframePose before;                    // the other end of the way on which depths were measured
   double patch_spacing = 0;               // between the samples of the patches, normalised plane
   std::vector<PeerLandmark> landmarks;
 };

@@ -129,6 +129,18 @@ std::vector<PeerPoint> points_of(const KeyframePose& pose, const std::vector<Pee
   return points;
 }
 
+// What is still tracked has been used all along: it says nothing new of the drift since then.
+std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& landmarks,
+                                        const Keyframe& newest) {
+  std::vector<KeyframeFeature> lost;
+  const auto earlier = [](const KeyframeFeature& a, const KeyframeFeature& b) {
+    return a.track_id < b.track_id;
+  };
+  std::set_difference(landmarks.begin(), landmarks.end(), newest.features.begin(),
+                      newest.features.end(), std::back_inserter(lost), earlier);
+  return lost;
+}
+
 // Camera to camera, once the offset between the worlds is known.
 Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& other,
                                 const FrameOffset& offset) {
@@ -317,11 +329,13 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   }
   for (const Candidate& candidate : nearest.take()) {
     const Sight sight =
-        candidate.own
-            ? Sight{config_.agent,         candidate.own->pose,
-                    candidate.own->before, {},
-                    patch_spacing(),       to_peer_landmarks(landmarks_of(*candidate.own))}
-            : *candidate.peer;
+        candidate.own ? Sight{config_.agent,
+                              candidate.own->pose,
+                              candidate.own->before,
+                              {},
+                              patch_spacing(),
+                              to_peer_landmarks(lost_since(landmarks_of(*candidate.own), *newest))}
+                      : *candidate.peer;
     auto result = match_keyframes(*newest, sight);
     auto* match = std::get_if<KeyframeMatch>(&result);
     if (match == nullptr) continue;
@@ -502,6 +516,36 @@ VerificationResult Collaborator::verify_pairs(const Keyframe& own,
                                     config_.matching));
 }
 
+void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
+  worlds_[peer] = T_own_peer;
+}
+
+std::optional<Eigen::Isometry3d> Collaborator::world_of(const std::string& drone) const {
+  if (const auto known = worlds_.find(drone); known != worlds_.end()) return known->second;
+  if (config_.common_start || drone == config_.agent) return Eigen::Isometry3d::Identity();
+  return std::nullopt;
+}
+
+// By what the landmarks look like, where the other's pose says they must be. Chance finds scatter
+// over the whole reach of the search, so they have to agree much better than that.
+VerificationResult Collaborator::verify_in_place(const Keyframe& own, const Sight& other,
+                                                 const std::vector<PeerLandmark>& landmarks,
+                                                 const std::vector<PeerPoint>& points) const {
+  const std::optional<Eigen::Isometry3d> world = world_of(other.drone);
+  if (!world) return {};
+  const Eigen::Isometry3d T_other_own =
+      (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
+  std::vector<Correspondence> correspondences;
+  for (const FoundLandmark& found : look_for(own.pose.keyframe_id, other, landmarks, T_other_own)) {
+    correspondences.push_back({points[found.landmark].p_world, found.bearing});
+  }
+  VerificationConfig config = config_.verification;
+  config.inlier_px = config_.in_place_px;
+  config.min_inlier_share = config_.in_place_share;
+  config.min_inliers = config_.min_matches;
+  return verify(own.pose.T_world_cam, correspondences, focal_length_px_, config);
+}
+
 std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
                                                                    const Sight& other) const {
   const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
@@ -509,49 +553,54 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyfram
       usable_landmarks(other.landmarks, config_.max_relative_sigma);
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
-  const VerificationResult result = verify_pairs(own, features, points);
+  VerificationResult result = verify_in_place(own, other, landmarks, points);
+  const bool in_place = result.verified.has_value();
+  if (!in_place) result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
+  const Eigen::Isometry3d T_other_own =
+      relative_pose(own.pose, other.pose, result.verified->offset);
   const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
                                                     points, focal_length_px_, config_.guided);
-  if (pairs.size() < static_cast<std::size_t>(config_.min_matches)) {
+  const std::vector<FoundLandmark> found =
+      look_for(own.pose.keyframe_id, other, landmarks, T_other_own);
+  if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
     return NoMatch{NoMatchReason::kTooFewMatches};
   }
-  KeyframeMatch match{other.drone,
-                      own.pose,
-                      other.pose,
-                      other.before,
-                      relative_pose(own.pose, other.pose, result.verified->offset),
-                      config_.matching_sigma_px / focal_length_px_,
-                      {},
-                      config_.aligned_sigma_px / focal_length_px_,
+  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing, std::size_t index) {
+    const PeerLandmark& landmark = landmarks[index];
+    return LandmarkMatch{track, bearing, landmark.bearing, landmark.inverse_depth,
+                         landmark.inverse_depth_sigma};
+  };
+  KeyframeMatch match{other.drone, own.pose,
+                      other.pose,  other.before,
+                      T_other_own, config_.matching_sigma_px / focal_length_px_,
+                      {},          config_.aligned_sigma_px / focal_length_px_,
                       {}};
   for (const IndexPair& pair : pairs) {
-    const PeerLandmark& landmark = landmarks[pair.peer];
-    match.matches.push_back({own.features[pair.own].track_id, own.features[pair.own].bearing,
-                             landmark.bearing, landmark.inverse_depth,
-                             landmark.inverse_depth_sigma});
+    const KeyframeFeature& feature = own.features[pair.own];
+    match.matches.push_back(seen(feature.track_id, feature.bearing, pair.peer));
   }
-  match.aligned = look_for(other, landmarks, match);
+  for (const FoundLandmark& one : found) {
+    match.aligned.push_back(seen(0, one.bearing, one.landmark));
+  }
   return match;
 }
 
-std::vector<LandmarkMatch> Collaborator::look_for(const Sight& other,
-                                                  const std::vector<PeerLandmark>& landmarks,
-                                                  const KeyframeMatch& match) const {
-  std::vector<LandmarkMatch> found;
-  const auto image = std::find_if(images_.rbegin(), images_.rend(), [&](const auto& known) {
-    return known.first == match.own.keyframe_id;
-  });
+std::vector<Collaborator::FoundLandmark> Collaborator::look_for(
+    std::uint64_t own_keyframe, const Sight& other, const std::vector<PeerLandmark>& landmarks,
+    const Eigen::Isometry3d& T_other_own) const {
+  std::vector<FoundLandmark> found;
+  const auto image = std::find_if(images_.rbegin(), images_.rend(),
+                                  [&](const auto& known) { return known.first == own_keyframe; });
   if (image == images_.rend()) return found;
-  for (const PeerLandmark& landmark : landmarks) {
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    const PeerLandmark& landmark = landmarks[i];
     if (landmark.patch == LandmarkPatch{}) continue;
     const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
                             other.patch_spacing};
     const auto bearing =
-        find_landmark_patch(image->second, camera_, seen, match.T_other_own, config_.patch);
-    if (!bearing) continue;
-    found.push_back(
-        {0, *bearing, landmark.bearing, landmark.inverse_depth, landmark.inverse_depth_sigma});
+        find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
+    if (bearing) found.push_back({i, *bearing});
   }
   return found;
 }

@@ -20,6 +20,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -83,6 +84,9 @@ struct CollaboratorConfig {
   // Looking for the peer's landmarks in the own image.
   PatchSearchConfig patch;
   double aligned_sigma_px = 0.3;  // of what is found
+  double in_place_px = 1.0;       // to which those agree that are found where they are expected,
+  double in_place_share = 0.5;    // and this share of them
+  bool common_start = true;       // are all worlds one but for drift, or unknown until told?
   std::size_t images = 20;        // of the newest keyframes, each 0.5 MB
 };
 
@@ -152,6 +156,10 @@ class Collaborator {
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
+  // Where a peer's world lies in the own one, as far as that is known by now: what it has seen is
+  // looked for there first.
+  void know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer);
+
   // Pairs of own track and peer landmark, one to one: of the image that was asked about, or of the
   // newest if the message is for all.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const PeerKeyframe& message);
@@ -198,9 +206,18 @@ class Collaborator {
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
                                                                      const Sight& other) const;
   [[nodiscard]] double patch_spacing() const { return config_.patch.spacing_px / focal_length_px_; }
-  [[nodiscard]] std::vector<LandmarkMatch> look_for(const Sight& other,
+  [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
+  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const Sight& other,
+                                                   const std::vector<PeerLandmark>& landmarks,
+                                                   const std::vector<PeerPoint>& points) const;
+  // A landmark of the other one, by index, and its bearing in the own image.
+  struct FoundLandmark {
+    std::size_t landmark = 0;
+    Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
+  };
+  [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe, const Sight& other,
                                                     const std::vector<PeerLandmark>& landmarks,
-                                                    const KeyframeMatch& match) const;
+                                                    const Eigen::Isometry3d& T_other_own) const;
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
@@ -212,8 +229,9 @@ class Collaborator {
   TimeNs now_ns_ = 0;  // stamp of the newest own image
   std::uint64_t next_keyframe_id_ = 1;
   KeyframeDatabase database_;
-  std::deque<Keyframe> recent_frames_;  // no keyframes; oldest first
-  std::deque<Sight> remembered_;        // of peers, in the order in which they came
+  std::deque<Keyframe> recent_frames_;               // no keyframes; oldest first
+  std::map<std::string, Eigen::Isometry3d> worlds_;  // of peers, in the own one
+  std::deque<Sight> remembered_;                     // of peers, in the order in which they came
   std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first
   AnswerLimiter limiter_;
   CollaboratorReport report_;

@@ -12,6 +12,27 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return Eigen::AngleAxisd(Eigen::Matrix3d(a.linear().transpose() * b.linear())).angle();
 }
 
+double way(const KeyframePose& from, const KeyframePose& to) {
+  return (to.T_world_cam.translation() - from.T_world_cam.translation()).norm();
+}
+
+struct InverseDepth {
+  double value = 0, sigma = 0;  // 1/m
+};
+
+// Of a feature of another camera, in this one: z = d r_z + t_z along the ray r of depth 1 there.
+// Nothing if it is not known or behind this one.
+std::optional<InverseDepth> depth_in(const Eigen::Isometry3d& T_this_other,
+                                     const KeyframeFeature& feature) {
+  if (!(feature.inverse_depth > 0)) return std::nullopt;
+  const Eigen::Vector3d ray = T_this_other.linear() * feature.bearing.homogeneous();
+  const double d = 1 / feature.inverse_depth;
+  const double z = d * ray.z() + T_this_other.translation().z();
+  if (!(z > 0)) return std::nullopt;
+  const double sigma_d = d * d * feature.inverse_depth_sigma;
+  return InverseDepth{1 / z, std::abs(ray.z()) * sigma_d / (z * z)};
+}
+
 }  // namespace
 
 CameraView view_of(const Keyframe& keyframe) {
@@ -44,6 +65,27 @@ bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns
          angle_between(last.pose.T_world_cam, T_world_cam) > rule.rotation;
 }
 
+void refine_depths(Keyframe& older, const Keyframe& newer) {
+  const Eigen::Isometry3d T_older_newer = older.pose.T_world_cam.inverse() * newer.pose.T_world_cam;
+  int known = 0, refined = 0;
+  auto seen = newer.features.begin();
+  for (KeyframeFeature& feature : older.features) {
+    known += feature.inverse_depth > 0 ? 1 : 0;
+    while (seen != newer.features.end() && seen->track_id < feature.track_id) ++seen;
+    if (seen == newer.features.end() || seen->track_id != feature.track_id) continue;
+    const std::optional<InverseDepth> depth = depth_in(T_older_newer, *seen);
+    if (!depth) continue;
+    if (feature.inverse_depth > 0 && depth->sigma >= feature.inverse_depth_sigma) continue;
+    feature.inverse_depth = depth->value;
+    feature.inverse_depth_sigma = depth->sigma;
+    ++refined;
+  }
+  const bool mostly = 2 * refined > known;
+  if (mostly && way(older.pose, newer.pose) > way(older.pose, older.before)) {
+    older.before = newer.pose;
+  }
+}
+
 KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
   if (config.capacity < config.protected_newest + 2) {
     throw std::runtime_error(
@@ -55,6 +97,10 @@ KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
 void KeyframeDatabase::add(Keyframe keyframe) {
   if (keyframes_.size() >= config_.capacity) {
     keyframes_.erase(keyframes_.begin() + static_cast<std::ptrdiff_t>(most_redundant()));
+  }
+  const std::size_t newest = std::min(keyframes_.size(), config_.protected_newest);
+  for (std::size_t i = keyframes_.size() - newest; i < keyframes_.size(); ++i) {
+    refine_depths(keyframes_[i], keyframe);
   }
   keyframes_.push_back(std::move(keyframe));
 }

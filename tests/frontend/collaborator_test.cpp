@@ -288,6 +288,14 @@ TEST(Collaborator, ReturningToAnOwnPlaceIsNoticed) {
   EXPECT_EQ(drone.report().revisits, 1);
 }
 
+TEST(Collaborator, WhatIsStillTrackedClosesNoLoop) {
+  Collaborator drone = make_drone("uav0");
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  look(drone, scene, level_camera({0, 0, 0}), 1.0, kOwnIds);
+  look(drone, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 20.0, kOwnIds);
+  EXPECT_TRUE(drone.revisit().empty());
+}
+
 TEST(Collaborator, WhatAPeerAnsweredOnceIsRecognisedWithoutAsking) {
   Team team;
   EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(team.ask())));

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a peer has seen is looked for where its pose says it must be: views too different for
+// descriptors, which are drawn at random here, match all the same.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "estimator/so3.h"
+#include "frontend/collaborator.h"
+#include "frontend/vocabulary_visual.h"
+#include "synthetic_places.h"
+#include "synthetic_view.h"
+
+namespace covey {
+namespace {
+
+using testing::random_descriptor;
+using testing_view::CameraPose;
+using testing_view::SlantedPlane;
+using testing_view::small_camera;
+
+Eigen::Isometry3d to_isometry(const CameraPose& pose) {
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
+  T_world_cam.linear() = pose.R_world_cam;
+  T_world_cam.translation() = pose.p_world_cam;
+  return T_world_cam;
+}
+
+Collaborator make_drone(const std::string& name, bool common_start = true) {
+  CollaboratorConfig config;
+  config.agent = name;
+  config.common_start = common_start;
+  config.place_mode = PlaceMode::kPaper;
+  return Collaborator(config, visual_vocabulary(), small_camera());
+}
+
+// A keyframe of the wall, with points on a grid whose depths are known.
+PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const CameraPose& pose,
+                 const Eigen::Isometry3d& T_world_cam, unsigned seed) {
+  std::mt19937 random(seed);
+  TrackedFrame frame;
+  frame.stamp_ns = nanoseconds(seed);
+  std::vector<TrackDepth> depths;
+  for (double x = -0.5; x < 0.55; x += 0.1) {
+    for (double y = -0.35; y < 0.4; y += 0.1) {
+      TrackedFeature feature;
+      feature.track_id = frame.features.size();
+      feature.bearing = {x, y};
+      feature.described = true;
+      feature.descriptor = random_descriptor(random);
+      const Eigen::Vector3d p_cam = to_isometry(pose).inverse() * wall.point(pose, feature.bearing);
+      depths.push_back({feature.track_id, 1 / p_cam.z(), 0.01 / p_cam.z()});
+      frame.features.push_back(feature);
+    }
+  }
+  (void)drone.wants_keyframe(frame.stamp_ns, T_world_cam);
+  return drone.add_keyframe(frame, build_pyramid(wall.image(pose), 3), T_world_cam,
+                            1e-4 * Matrix6d::Identity(), depths);
+}
+
+CameraPose aside() {
+  CameraPose pose;
+  pose.p_world_cam << 1.1, -0.3, 0.4;
+  pose.R_world_cam = exp_so3({0.05, -0.2, 0.1});
+  return pose;
+}
+
+// uav1 looks straight at its wall, uav0 at its own from aside; each has its own world.
+std::variant<KeyframeMatch, NoMatch> ask(Collaborator& uav0, const SlantedPlane& own_wall,
+                                         const SlantedPlane& peers_wall,
+                                         const Eigen::Isometry3d& T_own_peer = {
+                                             Eigen::Isometry3d::Identity()}) {
+  Collaborator uav1 = make_drone("uav1");
+  look(uav1, peers_wall, {}, T_own_peer.inverse(), 1);
+  const PlaceAdvert advert = look(uav0, own_wall, aside(), to_isometry(aside()), 2);
+  PeerKeyframe answer = uav1.announcement().value();
+  answer.receiver = "uav0";
+  answer.request_keyframe_id = advert.keyframe_id;
+  return uav0.match(answer);
+}
+
+Eigen::Isometry3d far_world() {
+  Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
+  T_own_peer.linear() = exp_so3({0, 0, 0.08});
+  T_own_peer.translation() << 1.5, -2, 0.7;
+  return T_own_peer;
+}
+
+void expect_found(const std::variant<KeyframeMatch, NoMatch>& result) {
+  const auto* match = std::get_if<KeyframeMatch>(&result);
+  ASSERT_NE(match, nullptr) << to_string(std::get<NoMatch>(result).reason);
+  EXPECT_GT(match->aligned.size(), 30u);
+  const Eigen::Isometry3d error = to_isometry(aside()).inverse() * match->T_other_own;
+  EXPECT_LT(error.translation().norm(), 0.02);
+  EXPECT_LT(log_so3(error.linear()).norm(), 0.005);
+}
+
+TEST(InPlaceMatching, FindsWhatDescriptorsCannot) {
+  const SlantedPlane wall(small_camera());
+  Collaborator uav0 = make_drone("uav0");
+  expect_found(ask(uav0, wall, wall));
+}
+
+TEST(InPlaceMatching, WithoutACommonStartNothingIsExpectedUntilTheWorldIsKnown) {
+  const SlantedPlane wall(small_camera());
+  Collaborator uav0 = make_drone("uav0", false);
+  EXPECT_TRUE(std::holds_alternative<NoMatch>(ask(uav0, wall, wall, far_world())));
+  uav0.know_world("uav1", far_world());
+  expect_found(ask(uav0, wall, wall, far_world()));
+}
+
+TEST(InPlaceMatching, AnotherWallIsNotTheSame) {
+  const SlantedPlane wall(small_camera());
+  for (int seed = 100; seed < 110; ++seed) {
+    Collaborator uav0 = make_drone("uav0");
+    EXPECT_TRUE(
+        std::holds_alternative<NoMatch>(ask(uav0, wall, SlantedPlane(small_camera(), seed))));
+  }
+}
+
+TEST(InPlaceMatching, APeerInAnotherPlaceThanItSaysIsNotBelieved) {
+  const SlantedPlane wall(small_camera());
+  Eigen::Isometry3d wrong = Eigen::Isometry3d::Identity();
+  wrong.translation().x() = 0.6;  // 30 px on the wall
+  Collaborator uav0 = make_drone("uav0");
+  EXPECT_TRUE(std::holds_alternative<NoMatch>(ask(uav0, wall, wall, wrong)));
+}
+
+}  // namespace
+}  // namespace covey
