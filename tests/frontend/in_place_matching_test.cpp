@@ -42,11 +42,11 @@ PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const CameraPose
   TrackedFrame frame;
   frame.stamp_ns = nanoseconds(seed);
   std::vector<TrackDepth> depths;
-  for (double x = -0.5; x < 0.55; x += 0.1) {
-    for (double y = -0.35; y < 0.4; y += 0.1) {
+  for (int column = -5; column <= 5; ++column) {
+    for (int row = -4; row <= 4; ++row) {
       TrackedFeature feature;
       feature.track_id = frame.features.size();
-      feature.bearing = {x, y};
+      feature.bearing = {0.1 * column, 0.09 * row};
       feature.described = true;
       feature.descriptor = random_descriptor(random);
       const Eigen::Vector3d p_cam = to_isometry(pose).inverse() * wall.point(pose, feature.bearing);
