@@ -120,6 +120,10 @@ TEST_F(CycloneFlight, IsToldOfItAndAnsweredAlone) {
   for (const char* drone : {"uav0", "uav1"}) {
     const json summary = json::parse(file_content(out(drone) / kAgentSummaryFile));
     EXPECT_THAT(summary["exchange_details"]["rejected_by_link"], IsEmpty());
+    // One status each way is enough, and the client has none.
+    const json status = json::parse(file_content(out(drone) / kAgentStatusFile));
+    EXPECT_EQ(status["clocks"].size(), 1U) << status;
+    EXPECT_EQ(summary["link"]["clocks"].size(), 1U);
   }
 }
 

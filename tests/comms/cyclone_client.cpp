@@ -149,6 +149,7 @@ class Client {
           {"frames", status.frames},
           {"tracks", status.tracks},
           {"keyframes", status.keyframes},
+          {"sent_ns", status.sent_ns},
           {"hears", status.hears._length}});
   }
 

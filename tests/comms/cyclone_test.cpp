@@ -88,6 +88,7 @@ TEST_F(Cyclone, ComesLateAndIsToldEachDronesLastStatus) {
   EXPECT_EQ(by_drone["uav0"]["tracks"], status.tracks);
   EXPECT_EQ(by_drone["uav0"]["keyframes"], status.keyframes);
   EXPECT_EQ(by_drone["uav0"]["hears"], 1);
+  EXPECT_LE(by_drone["uav0"]["sent_ns"], wall_clock_ns());
   EXPECT_EQ(by_drone["uav1"]["frames"], 31);
 }
 
