@@ -11,7 +11,7 @@
 namespace covey {
 namespace {
 
-constexpr TimeNs kMs = 1'000'000;
+constexpr TimeNs kMs = 1'000'000, kSecond = 1000 * kMs;
 constexpr TimeNs kStart = 1'700'000'000'000 * kMs;  // own clock
 
 // Two clocks and the way between them.
@@ -32,7 +32,7 @@ RoundTrip trip(TimeNs sent_ns, const Way& way) {
 
 // One round trip each second.
 void add(ClockFilter& filter, int count, const Way& way, TimeNs from_ns = kStart) {
-  for (int i = 0; i < count; ++i) EXPECT_TRUE(filter.add(trip(from_ns + i * 1000 * kMs, way)));
+  for (int i = 0; i < count; ++i) EXPECT_TRUE(filter.add(trip(from_ns + i * kSecond, way)));
 }
 
 TEST(ClockOffset, IsExactWhereBothWaysTakeEquallyLong) {
@@ -60,7 +60,8 @@ TEST(ClockFilter, JitterIsFilteredAndLossesDoNotMatter) {
     way.there_ns += static_cast<TimeNs>(waiting(random));
     way.back_ns += static_cast<TimeNs>(waiting(random));
     const bool lost = random() % 3 == 0;
-    if (!lost) EXPECT_TRUE(filter.add(trip(kStart + second * 1000 * kMs, way)));
+    if (lost) continue;
+    EXPECT_TRUE(filter.add(trip(kStart + second * kSecond, way)));
     if (second < 20) continue;
     const ClockOffset best = filter.best().value();
     EXPECT_LE(std::abs(best.offset_ns + 250 * kMs), best.round_trip_ns / 2);
@@ -72,10 +73,10 @@ TEST(ClockFilter, TheFastestOfTheNewestEightIsTaken) {
   ClockFilter filter;
   EXPECT_FALSE(filter.best().has_value());
   add(filter, 1, {kMs, 2 * kMs, 2 * kMs});
-  add(filter, 7, {kMs, 80 * kMs, 10 * kMs}, kStart + 1000 * kMs);
+  add(filter, 7, {kMs, 80 * kMs, 10 * kMs}, kStart + kSecond);
   EXPECT_EQ(filter.best()->round_trip_ns, 4 * kMs);
   EXPECT_EQ(filter.best()->offset_ns, kMs);
-  add(filter, 1, {kMs, 80 * kMs, 10 * kMs}, kStart + 8000 * kMs);
+  add(filter, 1, {kMs, 80 * kMs, 10 * kMs}, kStart + 8 * kSecond);
   EXPECT_EQ(filter.best()->round_trip_ns, 90 * kMs);
 }
 
@@ -83,7 +84,7 @@ TEST(ClockFilter, AClockThatIsSetIsBelievedAtOnce) {
   for (const TimeNs step_ns : {2000 * kMs, -2000 * kMs, 30 * kMs}) {
     ClockFilter filter;
     add(filter, 8, {100 * kMs, kMs, kMs});
-    add(filter, 1, {100 * kMs + step_ns, 20 * kMs, 5 * kMs}, kStart + 8000 * kMs);
+    add(filter, 1, {100 * kMs + step_ns, 20 * kMs, 5 * kMs}, kStart + 8 * kSecond);
     EXPECT_NEAR(static_cast<double>(filter.best()->offset_ns - step_ns), 1e8, 8e6);
   }
 }
@@ -91,15 +92,15 @@ TEST(ClockFilter, AClockThatIsSetIsBelievedAtOnce) {
 TEST(ClockFilter, AnOwnClockThatIsSetBackIsBelievedAtOnce) {
   ClockFilter filter;
   add(filter, 8, {0, kMs, kMs});
-  add(filter, 1, {3600'000 * kMs, kMs, kMs}, kStart - 3600'000 * kMs);
-  EXPECT_EQ(filter.best()->offset_ns, 3600'000 * kMs);
+  add(filter, 1, {3600 * kSecond, kMs, kMs}, kStart - 3600 * kSecond);
+  EXPECT_EQ(filter.best()->offset_ns, 3600 * kSecond);
 }
 
 TEST(ClockFilter, ClocksThatDriftApartAreFollowedAndNotTakenForSet) {
   ClockFilter filter;
   for (int second = 0; second < 100; ++second) {
     const TimeNs drifted_ns = second * kMs / 20;  // 50 parts per million
-    add(filter, 1, {drifted_ns, kMs, kMs + (second % 4) * kMs}, kStart + second * 1000 * kMs);
+    add(filter, 1, {drifted_ns, kMs, kMs + (second % 4) * kMs}, kStart + second * kSecond);
     EXPECT_LE(filter.best()->round_trip_ns, second < 4 ? 5 * kMs : 2 * kMs);
     EXPECT_NEAR(static_cast<double>(filter.best()->offset_ns - drifted_ns), 0, 2e6);
   }
@@ -119,7 +120,7 @@ TEST(ClockFilter, StampsThatNoTwoClocksCanHaveReadAreRefused) {
   add(filter, 1, {kMs, kMs, kMs});
   constexpr TimeNs kLeast = std::numeric_limits<TimeNs>::min();
   constexpr TimeNs kMost = std::numeric_limits<TimeNs>::max();
-  const RoundTrip good = trip(kStart + 1000 * kMs, {kMs, kMs, kMs});
+  const RoundTrip good = trip(kStart + kSecond, {kMs, kMs, kMs});
   for (TimeNs RoundTrip::*stamp : {&RoundTrip::sent_ns, &RoundTrip::heard_ns,
                                    &RoundTrip::answered_ns, &RoundTrip::received_ns})
     for (const TimeNs bad : {kLeast, TimeNs{-1}, TimeNs{0}, kMaxStampNs + 1, kMost}) {
