@@ -67,6 +67,15 @@ std::unique_ptr<Link> open_link(const AgentConfig& config) {
   return std::make_unique<LinkProcess>(config);
 }
 
+std::map<std::string, ClockSummary> clock_summaries(const LinkStatistics& statistics) {
+  std::map<std::string, ClockSummary> clocks;
+  for (const auto& [peer, clock] : statistics.clocks) {
+    clocks[peer] = {1e-6 * static_cast<double>(clock.offset_ns),
+                    1e-6 * static_cast<double>(clock.round_trip_ns)};
+  }
+  return clocks;
+}
+
 // When it was sent, as far as the message tells: handling must not depend on who was quicker.
 std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
   return std::visit(
@@ -199,6 +208,7 @@ void Agent::write_status(TimeNs stamp_ns) const {
                    {"peers", link_->peers()},
                    {"fused", peer_counts_.fused},
                    {"dropped_by_load", statistics.dropped},
+                   {"clocks", to_json(clock_summaries(statistics))},
                    {"link_restarts", statistics.restarts},
                    {"wire_bytes_sent", statistics.wire_bytes_sent},
                    {"wire_bytes_received", statistics.wire_bytes_received}});
@@ -334,6 +344,7 @@ LinkSummary Agent::link_summary() const {
   link.message.rejected = rejected_messages(statistics);
   link.wire_bytes_sent = signed_count(statistics.wire_bytes_sent);
   link.wire_bytes_received = signed_count(statistics.wire_bytes_received);
+  link.clocks = clock_summaries(statistics);
   link.restarts = {statistics.restarts.begin(), statistics.restarts.end()};
   return link;
 }

@@ -16,6 +16,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkStatistics, request, message, status, odo
                                    dds_errors, last_dds_error, wire_bytes_sent, wire_bytes_received,
                                    restarts, process_cpu_ms, process_peak_kib)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkReport, statistics, peers)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ClockOffset, offset_ns, round_trip_ns)
 
 namespace {
 
@@ -56,6 +57,19 @@ void erase_front(Bytes& buffer, std::size_t& used) {
 bool holds_counts_and_texts(const Json& json) {
   if (!json.is_structured()) return json.is_number_unsigned() || json.is_string();
   return std::all_of(json.begin(), json.end(), holds_counts_and_texts);
+}
+
+// Of which some may be negative.
+bool holds_times(const Json& json) {
+  if (json.is_structured()) return std::all_of(json.begin(), json.end(), holds_times);
+  if (json.is_number_unsigned()) return json.get<std::uint64_t>() <= std::uint64_t{kMaxStampNs};
+  return json.is_number_integer();
+}
+
+bool is_clock_of_a_drone(const std::pair<const std::string, ClockOffset>& clock) {
+  const auto& [name, offset] = clock;
+  return is_agent_name(name) && offset.offset_ns >= -kMaxStampNs &&
+         offset.offset_ns <= kMaxStampNs && is_stamp(offset.round_trip_ns);
 }
 
 }  // namespace
@@ -117,18 +131,28 @@ Bytes encode(const LinkReport& report) {
   LinkReport short_report = report;
   std::string& error = short_report.statistics.last_dds_error;
   error.resize(std::min(error.size(), kMaxErrorBytes));
+  Json json = short_report;
+  json["clocks"] = report.statistics.clocks;  // apart from the counts, which are never negative
   // What DDS says of hostile packets need not be UTF-8.
-  return to_bytes(Json(short_report).dump(-1, ' ', false, Json::error_handler_t::replace));
+  return to_bytes(json.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
 Decoded<LinkReport> decode_link_report(const Bytes& content) {
-  const Json json = Json::parse(content.begin(), content.end(), nullptr, false);
+  Json json = Json::parse(content.begin(), content.end(), nullptr, false);
   if (json.is_discarded()) return Rejected{"report is not JSON"};
+  const Json clocks = json.is_object() ? json.value("clocks", Json()) : Json();
+  if (json.is_object()) json.erase("clocks");
   if (!holds_counts_and_texts(json)) return Rejected{"report holds something else than counts"};
   try {
     LinkReport report = json.get<LinkReport>();
-    if (std::all_of(report.peers.begin(), report.peers.end(), is_agent_name)) return report;
-    return Rejected{"report of a peer that is not a drone's name"};
+    if (!std::all_of(report.peers.begin(), report.peers.end(), is_agent_name))
+      return Rejected{"report of a peer that is not a drone's name"};
+    if (!clocks.is_object() || !holds_times(clocks))
+      return Rejected{"report of clocks that are none"};
+    auto& of_drones = report.statistics.clocks = clocks.get<std::map<std::string, ClockOffset>>();
+    if (!std::all_of(of_drones.begin(), of_drones.end(), is_clock_of_a_drone))
+      return Rejected{"report of clocks that are none"};
+    return report;
   } catch (const std::exception&) {
     return Rejected{"report of another form"};
   }

@@ -23,7 +23,7 @@
 
 namespace covey {
 
-inline constexpr std::uint8_t kRecordVersion = 1;
+inline constexpr std::uint8_t kRecordVersion = 2;
 inline constexpr std::size_t kRecordHeaderBytes = 8;
 
 enum class RecordKind : std::uint8_t {

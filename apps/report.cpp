@@ -149,8 +149,9 @@ std::string sections(const RunData& data) {
                                                    })) +
          section("Link",
                  "Payload: requests and messages as encoded. Wire: everything the network carried, "
-                 "where it was counted.",
-                 link_table(data) +
+                 "where it was counted. Clocks: a peer's wall clock minus the drone's own, sure to "
+                 "half the round trip.",
+                 link_table(data) + clock_table(data) +
                      rows_of_charts(data, "three", link_legends(), [&](const AgentRun& agent) {
                        return link_charts(data, agent);
                      }));

@@ -327,4 +327,20 @@ std::string link_table(const RunData& data) {
        count_column("link<br>restarted", restart_count)});
 }
 
+std::string clock_table(const RunData& data) {
+  std::string lines;
+  for (std::size_t i = 0; i < data.agents.size(); ++i) {
+    const std::optional<LinkSummary>& link = data.agents[i].summary.link;
+    if (!link) continue;
+    for (const auto& [peer, clock] : link->clocks) {
+      lines += "<tr>" + cell(drone_label(data, i)) + cell(escape_html(peer)) +
+               cell(number(clock.clock_offset_ms, 2)) + cell(number(clock.round_trip_ms, 2)) +
+               "</tr>";
+    }
+  }
+  if (lines.empty()) return "";
+  return head({"drone", "peer", "peer's clock<br>ahead ms", "round trip<br>ms"}) + lines +
+         "</tbody></table></div>\n";
+}
+
 }  // namespace covey

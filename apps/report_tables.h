@@ -14,6 +14,8 @@ namespace covey {
 [[nodiscard]] std::string error_table(const RunData& data);
 [[nodiscard]] std::string work_table(const RunData& data);
 [[nodiscard]] std::string link_table(const RunData& data);
+// Of each drone's peers; empty if no statuses went both ways.
+[[nodiscard]] std::string clock_table(const RunData& data);
 
 // A coloured dot and the drone's name.
 [[nodiscard]] std::string drone_label(const RunData& data, std::size_t index);

@@ -82,6 +82,7 @@ Json to_json(const LinkSummary& link) {
                  {"rejected", link.message.rejected}}},
                {"wire_bytes_sent", or_null(link.wire_bytes_sent)},
                {"wire_bytes_received", or_null(link.wire_bytes_received)}};
+  if (!link.clocks.empty()) json["clocks"] = covey::to_json(link.clocks);
   if (!link.restarts.empty()) json["restarts"] = link.restarts;
   return json;
 }
@@ -146,6 +147,15 @@ std::map<std::string, AlignmentSummary> alignments_from(const Object& peers) {
   return alignments;
 }
 
+std::map<std::string, ClockSummary> clocks_from(const Object& peers) {
+  std::map<std::string, ClockSummary> clocks;
+  for (const std::string& peer : peers.keys()) {
+    const Object json = peers.child(peer);
+    clocks[peer] = {json.get<double>("clock_offset_ms"), json.get<double>("round_trip_ms")};
+  }
+  return clocks;
+}
+
 AteSummary ate_from(const Object& json, bool with_scale) {
   AteSummary ate;
   ate.rmse = json.get<double>("rmse");
@@ -191,6 +201,7 @@ std::optional<LinkSummary> link_from(const Object& agent) {
                      message.get<std::int64_t>("rejected")};
   summary.wire_bytes_sent = link.optional<std::int64_t>("wire_bytes_sent");
   summary.wire_bytes_received = link.optional<std::int64_t>("wire_bytes_received");
+  if (link.has("clocks")) summary.clocks = clocks_from(link.child("clocks"));
   if (link.has("restarts"))
     summary.restarts = link.get<std::map<std::string, std::int64_t>>("restarts");
   return summary;
@@ -224,6 +235,15 @@ AteSummary summarize(const AbsoluteError& error) {
 }
 
 }  // namespace
+
+nlohmann::json to_json(const std::map<std::string, ClockSummary>& clocks) {
+  Json json = Json::object();
+  for (const auto& [peer, clock] : clocks) {
+    json[peer] = {{"clock_offset_ms", clock.clock_offset_ms},
+                  {"round_trip_ms", clock.round_trip_ms}};
+  }
+  return json;
+}
 
 std::int64_t restart_count(const LinkSummary& link) {
   std::int64_t count = 0;

@@ -43,10 +43,19 @@ struct MessageSummary {
   std::int64_t fused = 0, gated = 0, rejected = 0;
 };
 
+// A peer's wall clock minus the own one, sure to half the round trip.
+struct ClockSummary {
+  double clock_offset_ms = 0, round_trip_ms = 0;
+};
+
+[[nodiscard]] nlohmann::json to_json(const std::map<std::string, ClockSummary>& clocks);
+
 struct LinkSummary {
   RequestSummary request;
   MessageSummary message;
   std::optional<std::int64_t> wire_bytes_sent, wire_bytes_received;
+  // By peer; the key exists only where statuses went both ways.
+  std::map<std::string, ClockSummary> clocks;
   // How often its process was started anew, by reason; the key exists only if it was.
   std::map<std::string, std::int64_t> restarts;
 };

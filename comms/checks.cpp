@@ -16,8 +16,6 @@ bool within(const Eigen::MatrixBase<Derived>& values, double limit) {
   return values.allFinite() && values.cwiseAbs().maxCoeff() <= limit;
 }
 
-bool is_stamp(TimeNs stamp_ns) { return stamp_ns >= 0 && stamp_ns <= kMaxStampNs; }
-
 bool is_status(FilterStatus status) { return status <= FilterStatus::kLost; }
 
 // All eigenvalues above min_sigma^2. The upper triangle alone is read: it alone travels.
@@ -100,6 +98,8 @@ Problem problem_with(const FilterSnapshot& filter) {
 }
 
 }  // namespace
+
+bool is_stamp(TimeNs stamp_ns) { return stamp_ns >= 0 && stamp_ns <= kMaxStampNs; }
 
 bool is_agent_name(const std::string& name) {
   const auto allowed = [](char c) {

@@ -30,6 +30,9 @@ inline constexpr double kMaxGyroBias = 10.0;                                    
 inline constexpr double kMaxAccelBias = 100.0;                                     // m/s2
 inline constexpr double kMaxSigma = 1e4;                                           // m or rad
 
+// Not negative, and so that differences cannot overflow.
+[[nodiscard]] bool is_stamp(TimeNs stamp_ns);
+
 // 1..32 characters of [A-Za-z0-9_-]: also safe in topic and file names.
 [[nodiscard]] bool is_agent_name(const std::string& name);
 

@@ -235,7 +235,9 @@ StatusSample from_wire(const wire::AgentStatus& status) {
   out.status.frames = status.frames();
   out.status.tracks = status.tracks();
   out.status.keyframes = status.keyframes();
-  out.hears = status.hears();
+  for (const wire::HeardPeer& heard : status.hears())
+    out.hears.push_back({heard.peer(), heard.sent_ns(), heard.received_ns()});
+  out.sent_ns = status.sent_ns();
   return out;
 }
 
@@ -315,6 +317,18 @@ Bytes encode(const FullPeerKeyframe& message) {
   return serialize(out);
 }
 
+namespace {
+
+wire::HeardPeer to_wire(const HeardPeer& heard) {
+  wire::HeardPeer out;
+  out.peer(heard.token);
+  out.sent_ns(heard.sent_ns);
+  out.received_ns(heard.received_ns);
+  return out;
+}
+
+}  // namespace
+
 Bytes encode(const StatusSample& sample) {
   assert(!problem_with(sample.status) && sample.hears.size() <= kMaxHears);
   wire::AgentStatus out;
@@ -325,7 +339,8 @@ Bytes encode(const StatusSample& sample) {
   out.frames(sample.status.frames);
   out.tracks(sample.status.tracks);
   out.keyframes(sample.status.keyframes);
-  out.hears(sample.hears);
+  out.sent_ns(sample.sent_ns);
+  for (const HeardPeer& heard : sample.hears) out.hears().push_back(to_wire(heard));
   return serialize(out);
 }
 
@@ -380,6 +395,9 @@ Problem problem_on_wire(const wire::FullMessageUAV& full) {
 
 Problem problem_with(const StatusSample& sample) {
   if (sample.hears.size() > kMaxHears) return "too many peers in a status";
+  if (!is_stamp(sample.sent_ns)) return "stamp not plausible";
+  for (const HeardPeer& heard : sample.hears)
+    if (!is_stamp(heard.sent_ns) || !is_stamp(heard.received_ns)) return "stamp not plausible";
   return covey::problem_with(sample.status);
 }
 

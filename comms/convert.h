@@ -21,13 +21,13 @@ namespace covey {
 
 using Bytes = std::vector<std::uint8_t>;
 
-inline constexpr std::uint8_t kWireVersion = 3;
+inline constexpr std::uint8_t kWireVersion = 4;
 
 // Largest samples that are sent or accepted, bytes: the bounds of idl/covey.idl, rounded up.
 inline constexpr std::size_t kMaxRequestBytes = 4352;
 inline constexpr std::size_t kMaxMessageBytes = 14848;
 inline constexpr std::size_t kMaxFullMessageBytes = 545'000;
-inline constexpr std::size_t kMaxStatusBytes = 768;
+inline constexpr std::size_t kMaxStatusBytes = 1792;
 inline constexpr std::size_t kMaxOdometryBytes = 384;
 
 struct Rejected {
@@ -36,10 +36,17 @@ struct Rejected {
 template <typename T>
 using Decoded = std::variant<T, Rejected>;
 
-// The status as it travels, with what the links tell each other (idl: AgentStatus.hears).
+// A peer as a status names it (idl: HeardPeer).
+struct HeardPeer {
+  std::uint64_t token = 0;  // peer_table.h
+  TimeNs sent_ns = 0, received_ns = 0;
+};
+
+// The status as it travels, with what the links tell each other.
 struct StatusSample {
   AgentStatus status;
-  std::vector<std::uint64_t> hears;
+  std::vector<HeardPeer> hears;
+  TimeNs sent_ns = 0;  // wall clock of the sender
 };
 
 struct OdometrySample {

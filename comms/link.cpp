@@ -44,6 +44,9 @@ LinkStatistics sum(LinkStatistics before, const LinkStatistics& now) {
   if (!now.last_dds_error.empty()) before.last_dds_error = now.last_dds_error;
   before.wire_bytes_sent += now.wire_bytes_sent;
   before.wire_bytes_received += now.wire_bytes_received;
+  for (const auto& [peer, clock] : now.clocks)
+    if (before.clocks.size() < kMaxNames || before.clocks.count(peer) > 0)
+      before.clocks[peer] = clock;
   add(before.restarts, now.restarts);
   before.process_cpu_ms += now.process_cpu_ms;
   before.process_peak_kib = std::max(before.process_peak_kib, now.process_peak_kib);

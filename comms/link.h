@@ -14,6 +14,7 @@
 #include <variant>
 #include <vector>
 
+#include "comms/clock_offset.h"
 #include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
 
@@ -51,6 +52,8 @@ struct LinkStatistics {
   // UDP header for each.
   std::uint64_t wire_bytes_sent = 0;
   std::uint64_t wire_bytes_received = 0;
+  // By peer, from its statuses; also of those that have left.
+  std::map<std::string, ClockOffset> clocks;
   // Of a link in a process of its own: how often it was started anew, by reason, and its cost.
   std::map<std::string, std::uint64_t> restarts;
   std::uint64_t process_cpu_ms = 0;
@@ -58,8 +61,8 @@ struct LinkStatistics {
 };
 
 // Of a link that was started anew: what the lives before and the present one add up to. Peaks are
-// the higher one, the last error is the later one. Names beyond a few hundred count together, as
-// "others".
+// the higher one, the last error and each clock are the later ones. Names beyond a few hundred
+// count together, as "others".
 [[nodiscard]] LinkStatistics sum(LinkStatistics before, const LinkStatistics& now);
 
 // How many samples of a kind have arrived since the start, accepted or rejected.

@@ -17,13 +17,23 @@ bool same(const AgentStatus& a, const AgentStatus& b) {
          a.frames == b.frames && a.tracks == b.tracks && a.keyframes == b.keyframes;
 }
 
+std::vector<std::uint64_t> tokens(const std::vector<HeardPeer>& peers) {
+  std::vector<std::uint64_t> out(peers.size());
+  std::transform(peers.begin(), peers.end(), out.begin(),
+                 [](const HeardPeer& peer) { return peer.token; });
+  return out;
+}
+
 const PeerKeyframe& keyframe_of(const PeerKeyframe& message) { return message; }
 const PeerKeyframe& keyframe_of(const FullPeerKeyframe& message) { return message.keyframe; }
 
 }  // namespace
 
-LinkState::LinkState(std::string agent, std::size_t inbox_limit)
-    : agent_(std::move(agent)), inbox_limit_(inbox_limit), table_(kMaxPeers) {}
+LinkState::LinkState(std::string agent, std::size_t inbox_limit, WallClock clock)
+    : agent_(std::move(agent)),
+      inbox_limit_(inbox_limit),
+      clock_(std::move(clock)),
+      table_(kMaxPeers) {}
 
 void LinkState::set_own_id(const PeerId& id) {
   const std::lock_guard lock(mutex_);
@@ -86,15 +96,18 @@ void LinkState::receive_message(Decoded<Message> decoded, std::size_t bytes, con
 
 // A status is repeated when only its list of peers changed; the inbox sees each state once.
 void LinkState::receive_status(const Bytes& bytes, const PeerId& from) {
+  const TimeNs received_ns = clock_();
   Decoded<StatusSample> decoded = decode_status(bytes);
   const std::lock_guard lock(mutex_);
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     return reject_locked(from, rejected->reason);
-  StatusSample& sample = std::get<StatusSample>(decoded);
+  const StatusSample& sample = std::get<StatusSample>(decoded);
   const AgentStatus& status = sample.status;
   if (status.agent == agent_) return reject_locked(from, "another drone bears this drone's name");
 
-  table_.set_hears(from, std::move(sample.hears));
+  table_.set_hears(from, tokens(sample.hears));
+  table_.set_status_stamps(from, sample.sent_ns, received_ns);
+  compare_clocks(sample, received_ns);
   peers_changed_ = true;
   const auto last = last_status_.find(status.agent);
   if (last == last_status_.end() || !same(last->second, status)) {
@@ -103,6 +116,18 @@ void LinkState::receive_status(const Bytes& bytes, const PeerId& from) {
     accept(&statistics_.status, bytes.size(), status);
   }
   changed_.notify_all();
+}
+
+// With what the peer says of the newest status of this drone, the way there and back is known.
+void LinkState::compare_clocks(const StatusSample& sample, TimeNs received_ns) {
+  const auto of_this_drone =
+      std::find_if(sample.hears.begin(), sample.hears.end(),
+                   [this](const HeardPeer& heard) { return heard.token == token(own_id_); });
+  if (of_this_drone == sample.hears.end()) return;
+  const std::string& peer = sample.status.agent;
+  if (clocks_.size() >= kMaxPeers && clocks_.count(peer) == 0) return;
+  clocks_[peer].add(
+      {of_this_drone->sent_ns, of_this_drone->received_ns, sample.sent_ns, received_ns});
 }
 
 void LinkState::accept(KindStatistics* kind, std::size_t bytes, Inbound inbound) {
@@ -177,7 +202,10 @@ ArrivalCounts LinkState::arrived() const {
 
 LinkStatistics LinkState::statistics() const {
   const std::lock_guard lock(mutex_);
-  return statistics_;
+  LinkStatistics statistics = statistics_;
+  for (const auto& [peer, clock] : clocks_)
+    if (const auto best = clock.best()) statistics.clocks[peer] = *best;
+  return statistics;
 }
 
 KindStatistics& LinkState::statistics_of(Kind kind) {
@@ -236,12 +264,15 @@ std::optional<LinkState::Housekeeping> LinkState::wait_for_housekeeping() {
   changed_.wait(lock, [&] { return closed_ || peers_changed_; });
   if (closed_) return std::nullopt;
   peers_changed_ = false;
-  return Housekeeping{table_.names(), table_.heard()};
+  return Housekeeping{table_.names(), tokens(table_.heard())};
 }
 
-std::vector<std::uint64_t> LinkState::heard() const {
+StatusSample LinkState::to_be_said(const AgentStatus& status) const {
   const std::lock_guard lock(mutex_);
-  return table_.heard();
+  StatusSample sample{status, table_.heard()};
+  if (sample.hears.size() > kMaxHears) sample.hears.resize(kMaxHears);
+  sample.sent_ns = clock_();
+  return sample;
 }
 
 void LinkState::close() {

@@ -28,7 +28,7 @@ class LinkState {
  public:
   using Duration = std::chrono::milliseconds;
 
-  LinkState(std::string agent, std::size_t inbox_limit);
+  LinkState(std::string agent, std::size_t inbox_limit, WallClock clock = wall_clock_ns);
   void set_own_id(const PeerId& id);
 
   // --- From DDS: what arrived, and who is there. What comes from this drone itself is ignored.
@@ -56,11 +56,12 @@ class LinkState {
   // --- For the link's own thread: what follows from a change of who is there.
   struct Housekeeping {
     std::set<std::string> names;       // drones that may be answered
-    std::vector<std::uint64_t> heard;  // for the own status
+    std::vector<std::uint64_t> heard;  // tokens: when they change, the own status is due
   };
   // Blocks until something changed; nothing once closed.
   [[nodiscard]] std::optional<Housekeeping> wait_for_housekeeping();
-  [[nodiscard]] std::vector<std::uint64_t> heard() const;
+  // What the own status says of the peers, and the clock at this moment.
+  [[nodiscard]] StatusSample to_be_said(const AgentStatus& status) const;
   void close();  // ends every wait
 
  private:
@@ -69,6 +70,7 @@ class LinkState {
   template <typename Message>
   void receive_message(Decoded<Message> decoded, std::size_t bytes, const PeerId& from);
   void receive_status(const Bytes& bytes, const PeerId& from);
+  void compare_clocks(const StatusSample& sample, TimeNs received_ns);
   void accept(KindStatistics* kind, std::size_t bytes, Inbound inbound);
   void reject_locked(const PeerId& from, const std::string& reason);
   void change_peers(const std::function<void(PeerTable&)>& change);
@@ -76,12 +78,14 @@ class LinkState {
 
   const std::string agent_;
   const std::size_t inbox_limit_;
+  const WallClock clock_;
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   PeerId own_id_{};
   PeerTable table_;
   std::map<std::string, AgentStatus> last_status_;  // by drone
+  std::map<std::string, ClockFilter> clocks_;       // the same
   std::deque<Inbound> inbox_;
   ArrivalCounts arrived_;
   LinkStatistics statistics_;

@@ -87,7 +87,7 @@ struct ParticipantDeleter {
 
 class PeerLink::Impl {
  public:
-  explicit Impl(const LinkConfig& config);
+  Impl(const LinkConfig& config, const WallClock& clock);
 
   bool send(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& keyframe);
@@ -164,10 +164,10 @@ class PeerLink::Impl {
   std::thread dispatcher_;
 };
 
-PeerLink::Impl::Impl(const LinkConfig& config)
+PeerLink::Impl::Impl(const LinkConfig& config, const WallClock& clock)
     : config_((check(config), config)),
       message_kind_(config.full_messages ? Kind::kFullMessage : Kind::kMessage),
-      state_(config.agent, config.inbox_limit),
+      state_(config.agent, config.inbox_limit, clock),
       discovery_events_(state_, topic_name(message_kind_)),
       outbox_(config_.profile.load) {
   status_.agent = config_.agent;
@@ -424,9 +424,7 @@ std::set<std::string> PeerLink::Impl::everybody() const {
 
 bool PeerLink::Impl::publish_status() {
   const std::lock_guard lock(status_mutex_);
-  std::vector<std::uint64_t> heard = state_.heard();
-  if (heard.size() > kMaxHears) heard.resize(kMaxHears);
-  return write(Kind::kStatus, status_writer_, encode(StatusSample{status_, std::move(heard)}));
+  return write(Kind::kStatus, status_writer_, encode(state_.to_be_said(status_)));
 }
 
 bool PeerLink::Impl::send(const PlaceAdvert& advert) {
@@ -480,7 +478,8 @@ LinkStatistics PeerLink::Impl::statistics() const {
 
 // ------------------------------------------------------------------------------------- the outside
 
-PeerLink::PeerLink(const LinkConfig& config) : impl_(std::make_unique<Impl>(config)) {}
+PeerLink::PeerLink(const LinkConfig& config, const WallClock& clock)
+    : impl_(std::make_unique<Impl>(config, clock)) {}
 PeerLink::~PeerLink() { impl_->close(); }
 
 bool PeerLink::send(const PlaceAdvert& advert) { return impl_->send(advert); }

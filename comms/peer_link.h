@@ -53,7 +53,7 @@ struct LinkConfig {
 class PeerLink : public Link {
  public:
   // Throws std::runtime_error that names the setting or the DDS entity and what to do.
-  explicit PeerLink(const LinkConfig& config);
+  explicit PeerLink(const LinkConfig& config, const WallClock& clock = wall_clock_ns);
   ~PeerLink() override;  // after close()
   PeerLink(const PeerLink&) = delete;
   PeerLink& operator=(const PeerLink&) = delete;

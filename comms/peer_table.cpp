@@ -53,6 +53,13 @@ void PeerTable::set_hears(const PeerId& id, std::vector<std::uint64_t> tokens) {
   if (Peer* peer = find_or_enter(id)) peer->hears = std::move(tokens);
 }
 
+void PeerTable::set_status_stamps(const PeerId& id, TimeNs sent_ns, TimeNs received_ns) {
+  if (Peer* peer = find_or_enter(id)) {
+    peer->status_sent_ns = sent_ns;
+    peer->status_received_ns = received_ns;
+  }
+}
+
 void PeerTable::remove(const PeerId& id) { peers_.erase(id); }
 
 std::set<std::string> PeerTable::names() const {
@@ -78,10 +85,11 @@ bool PeerTable::matched_everywhere(const Peer& peer) {
   return std::all_of(peer.matches.begin(), peer.matches.end(), [](int count) { return count > 0; });
 }
 
-std::vector<std::uint64_t> PeerTable::heard() const {
-  std::vector<std::uint64_t> out;
+std::vector<HeardPeer> PeerTable::heard() const {
+  std::vector<HeardPeer> out;
   for (const auto& [id, peer] : peers_)
-    if (matched_everywhere(peer)) out.push_back(token(id));
+    if (matched_everywhere(peer))
+      out.push_back({token(id), peer.status_sent_ns, peer.status_received_ns});
   return out;
 }
 

@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+#include "comms/convert.h"
+
 namespace covey {
 
 using PeerId = std::array<std::uint8_t, 12>;  // GUID prefix: another one after each restart
@@ -40,13 +42,15 @@ class PeerTable {
   void change_matches(const PeerId& id, Channel channel, int difference);
   void set_alive(const PeerId& id, bool alive);
   void set_hears(const PeerId& id, std::vector<std::uint64_t> tokens);
+  // Of its newest status: its wall clock when it was sent, the own one when it came.
+  void set_status_stamps(const PeerId& id, TimeNs sent_ns, TimeNs received_ns);
   void remove(const PeerId& id);
 
   [[nodiscard]] std::set<std::string> names() const;
   [[nodiscard]] std::string name_of(const PeerId& id) const;  // "unknown" if not told yet
   [[nodiscard]] bool reaches(const std::string& name) const;  // an answer would have a reader
   // Peers matched on all channels, as seen from here alone: what goes into the own status.
-  [[nodiscard]] std::vector<std::uint64_t> heard() const;
+  [[nodiscard]] std::vector<HeardPeer> heard() const;
   // Peers matched on all channels as seen from both sides, and alive.
   [[nodiscard]] std::set<std::string> linked(std::uint64_t own_token) const;
 
@@ -55,6 +59,7 @@ class PeerTable {
     std::string name;
     std::array<int, kChannels> matches{};
     std::vector<std::uint64_t> hears;
+    TimeNs status_sent_ns = 0, status_received_ns = 0;
     bool alive = true;
   };
   Peer* find_or_enter(const PeerId& id);

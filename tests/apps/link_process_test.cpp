@@ -208,6 +208,19 @@ TEST(LinkProcess, CarriesWhatALinkCarries) {
   EXPECT_THAT(children_of(getpid()), IsEmpty());
 }
 
+TEST(LinkProcess, TellsThePeersClock) {
+  LinkProcess link(drone("uav0"));
+  PeerLink peer(team_config("uav1"), [] { return wall_clock_ns() - 3'000'000'000; });
+  std::uint32_t frames = 0;
+  ASSERT_TRUE(eventually([&] {
+    link.publish(samples::status("uav0", ++frames));
+    peer.publish(samples::status("uav1", frames));
+    return !link.statistics().clocks.empty();
+  }));
+  const ClockOffset clock = link.statistics().clocks.at("uav1");
+  EXPECT_LE(std::abs(clock.offset_ns + 3'000'000'000), clock.round_trip_ns / 2 + 1);
+}
+
 TEST(LinkProcess, CarriesWholeFilters) {
   AgentConfig config = drone("uav0");
   config.collaboration.exchange = ExchangeMode::kNaive;

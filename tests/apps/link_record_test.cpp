@@ -54,6 +54,7 @@ LinkReport report() {
   out.statistics.messages_sent_to = {{"uav1", 7}};
   out.statistics.rejected = {{"uav1", {{"sample too short", 8}}}};
   out.statistics.last_dds_error = "odd bytes: \xff\xfe";
+  out.statistics.clocks = {{"uav1", {-3'000'000'001, 2'000'000}}};
   out.statistics.wire_bytes_sent = 0xffffffffffffffffULL;
   out.peers = {"uav1", "uav2"};
   return out;
@@ -110,6 +111,8 @@ TEST(LinkRecord, AReportSurvivesWhateverDdsSaid) {
   EXPECT_EQ(got.statistics.message.payload_bytes_received, 5U);
   EXPECT_EQ(got.statistics.messages_sent_to, report().statistics.messages_sent_to);
   EXPECT_EQ(got.statistics.rejected, report().statistics.rejected);
+  EXPECT_EQ(got.statistics.clocks.at("uav1").offset_ns, -3'000'000'001);
+  EXPECT_EQ(got.statistics.clocks.at("uav1").round_trip_ns, 2'000'000);
   EXPECT_EQ(got.statistics.wire_bytes_sent, 0xffffffffffffffffULL);
   EXPECT_EQ(got.statistics.last_dds_error.rfind("odd bytes: ", 0), 0U);
 }
@@ -130,6 +133,12 @@ TEST(LinkRecord, AReportThatNobodyCanMeanIsRefused) {
   for (const char* number : {"-1", "1e300", "0.5", "null", "true"})
     EXPECT_EQ(after("18446744073709551615", number), "report holds something else than counts");
   EXPECT_EQ(after("18446744073709551615", "\"many\""), "report of another form");
+  for (const char* number :
+       {"-9223372036854775808", "18446744073709551615", "1e300", "0.5", "null"})
+    EXPECT_EQ(after("-3000000001", number), "report of clocks that are none") << number;
+  EXPECT_EQ(after("2000000", "-1"), "report of clocks that are none");
+  EXPECT_EQ(after("\"uav1\":{\"offset", "\"u v1\":{\"offset"), "report of clocks that are none");
+  EXPECT_EQ(after("\"clocks\"", "\"docks\""), "report holds something else than counts");
 }
 
 TEST(LinkRecord, RandomDamageDoesNoHarm) {
@@ -154,11 +163,13 @@ TEST(LinkStatistics, LivesAddUp) {
   const LinkStatistics one = report().statistics;
   LinkStatistics other = one;
   other.process_peak_kib = 5;
+  other.clocks["uav1"].offset_ns = 4;
   const LinkStatistics both = sum(one, other);
   EXPECT_EQ(both.message.received, 4U);
   EXPECT_EQ(both.messages_sent_to.at("uav1"), 14U);
   EXPECT_EQ(both.rejected.at("uav1").at("sample too short"), 16U);
   EXPECT_EQ(both.process_peak_kib, 5U);
+  EXPECT_EQ(both.clocks.at("uav1").offset_ns, 4);
 }
 
 TEST(LinkStatistics, NamesThatNeverEndAreCountedTogether) {

@@ -92,6 +92,7 @@ class Report : public testing::Test {
       agent.frames = kImages;
       agent.link = LinkSummary();
       agent.link->message.sent = 4711;
+      if (name == std::string("uav1")) agent.link->clocks = {{"<uav0>", {-3000.25, 1.5}}};
       summary_.agents[name] = agent;
     }
     write_run_summary(run() / "summary.json", summary_);
@@ -119,6 +120,10 @@ TEST_F(Report, ShowsErrorsTogetherAndAloneAndTheChange) {
   EXPECT_THAT(html, HasSubstr("<td>0.141</td><td class=\"main\">0.071</td>"));
   EXPECT_THAT(html, HasSubstr("\u25bc 50 %"));
   EXPECT_THAT(html, HasSubstr("4711"));
+}
+
+TEST_F(Report, ShowsHowFarPeersClocksAreOff) {
+  EXPECT_THAT(drawn(), HasSubstr("<td>&lt;uav0&gt;</td><td>\u22123000.25</td><td>1.50</td>"));
 }
 
 TEST_F(Report, DrawsEverySectionForEveryDrone) {

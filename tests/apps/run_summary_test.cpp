@@ -111,6 +111,20 @@ TEST(RunSummary, SaysWhyALinkWasStartedAnewAndOnlyThen) {
   EXPECT_EQ(restart_count(*read.agents.at("uav0").link), 3);
 }
 
+TEST(RunSummary, SaysHowFarPeersClocksAreOffWhereThatIsKnown) {
+  RunSummary run = example();
+  EXPECT_FALSE(to_json(run).at("agents").at("uav0").at("link").contains("clocks"));
+  run.agents["uav0"].link->clocks = {{"uav1", {-3000.5, 0.4}}};
+  json written = to_json(run);
+  const RunSummary read = run_summary_from_json(written, "run");
+  EXPECT_EQ(read.agents.at("uav0").link->clocks.at("uav1").clock_offset_ms, -3000.5);
+  EXPECT_EQ(read.agents.at("uav0").link->clocks.at("uav1").round_trip_ms, 0.4);
+  written["agents"]["uav0"]["link"]["clocks"]["uav1"]["round_trip_ms"] = "short";
+  EXPECT_THAT([&] { (void)run_summary_from_json(written, "run"); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr("clocks.uav1"), HasSubstr("'round_trip_ms'"))));
+}
+
 TEST(RunSummary, AFolderThatDoesNotExistIsNamed) {
   const TemporaryFolder folder;
   EXPECT_THAT([&] { write_run_summary(folder.path() / "none" / "summary.json", example()); },

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -82,6 +83,13 @@ class Load {
   std::vector<std::thread> threads_;
 };
 
+// Both processes read this machine's clock, which is what they have to find.
+void expect_same_clock(const json& clocks, const std::string& peer) {
+  ASSERT_TRUE(clocks.contains(peer)) << clocks;
+  const double offset_ms = clocks[peer]["clock_offset_ms"];
+  EXPECT_LE(std::abs(offset_ms), clocks[peer]["round_trip_ms"].get<double>() / 2 + 1e-6);
+}
+
 TEST_F(Team, FliesTogetherAndLeavesEverythingARunHas) {
   CoveyProcess covey(command({"--init", "groundtruth", "--with-solo"}));
   ASSERT_EQ(covey.finish(), 0) << covey.output();
@@ -100,6 +108,7 @@ TEST_F(Team, FliesTogetherAndLeavesEverythingARunHas) {
     EXPECT_GT(agent["link"]["request"]["sent"], 0);
     EXPECT_GT(agent["link"]["request"]["received"], 0);
     EXPECT_FALSE(agent.contains("incomplete"));
+    expect_same_clock(agent["link"]["clocks"], std::string(drone) == "uav0" ? "uav1" : "uav0");
   }
   EXPECT_TRUE(fs::exists(run_ / "report.html"));
   EXPECT_THAT(covey.output(), AllOf(HasSubstr("uav0"), HasSubstr("uav1"), HasSubstr("alone")));

@@ -237,7 +237,7 @@ TEST(ForeignDds, AStatusIsKeyedByItsDrone) {
     return handle;
   };
   const auto uav0 = key(encode(StatusSample{samples::status("uav0", 1), {}}));
-  EXPECT_EQ(uav0, key(encode(StatusSample{samples::status("uav0", 2), {7}})));
+  EXPECT_EQ(uav0, key(encode(StatusSample{samples::status("uav0", 2), {{7}}})));
   EXPECT_FALSE(uav0 == key(encode(StatusSample{samples::status("uav1", 1), {}})));
   EXPECT_EQ(key(Bytes{0xff, 0xff, 0, 0}), key({}));  // unreadable: the empty key, no exception
 }

@@ -12,6 +12,7 @@
 #include <random>
 #include <string>
 
+#include "comms/checks.h"
 #include "comms/convert.h"
 #include "idl/covey.h"
 #include "tests/comms/samples.h"
@@ -43,7 +44,7 @@ std::vector<MessageType> message_types() {
       {"FullMessageUAV", [](const Bytes& b) { return reason(decode_full_keyframe(b)); },
        encode(samples::full_keyframe())},
       {"AgentStatus", [](const Bytes& b) { return reason(decode_status(b)); },
-       encode(StatusSample{samples::status(), {1, 2, 3}})},
+       encode(StatusSample{samples::status(), {{1, 5, 6}, {2, 7, 8}, {3}}, 9})},
       {"Odometry", [](const Bytes& b) { return reason(decode_odometry(b)); },
        encode(OdometrySample{"uav0", samples::odometry()})},
   };
@@ -143,7 +144,7 @@ TEST(HostileBytes, SequencesBeyondTheirBoundsAreRejected) {
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(long_message))), "too many landmarks");
 
   wire::AgentStatus crowded =
-      parse<wire::AgentStatus>(encode(StatusSample{samples::status(), {1}}));
+      parse<wire::AgentStatus>(encode(StatusSample{samples::status(), {{1}}}));
   crowded.hears().resize(65);
   EXPECT_EQ(reason(decode_status(serialize(crowded))), "too many peers in a status");
 }
@@ -215,6 +216,18 @@ TEST(HostileBytes, NumbersThatOnlyTheWireCanHoldAreRejected) {
   auto status = parse<wire::AgentStatus>(encode(StatusSample{samples::status(), {}}));
   status.filter_status(17);
   EXPECT_EQ(reason(decode_status(serialize(status))), "unknown filter status");
+  for (const TimeNs bad : {TimeNs{-1}, kMaxStampNs + 1, std::numeric_limits<TimeNs>::min()}) {
+    const auto good = parse<wire::AgentStatus>(encode(StatusSample{samples::status(), {{1}}}));
+    status = good;
+    status.sent_ns(bad);
+    EXPECT_EQ(reason(decode_status(serialize(status))), "stamp not plausible");
+    status = good;
+    status.hears()[0].sent_ns(bad);
+    EXPECT_EQ(reason(decode_status(serialize(status))), "stamp not plausible");
+    status = good;
+    status.hears()[0].received_ns(bad);
+    EXPECT_EQ(reason(decode_status(serialize(status))), "stamp not plausible");
+  }
 }
 
 // A claimed length of 4 G elements, wherever a length might stand.

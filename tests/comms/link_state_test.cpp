@@ -84,10 +84,56 @@ TEST(LinkState, AWholeFilterIsForThisDroneOrForAll) {
 TEST(LinkState, AStatusThatOnlyRepeatsItselfIsDeliveredOnce) {
   LinkState state("uav0", 8);
   state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {}}), uav1_id());
-  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {7}}), uav1_id());
-  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 2), {7}}), uav1_id());
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 1), {{7}}}), uav1_id());
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1", 2), {{7}}}), uav1_id());
   EXPECT_EQ(state.take().size(), 2u);
   EXPECT_EQ(state.statistics().status.received, 2u);
+}
+
+// A status goes there in 40 ms, waits for 460 ms, and the peer's comes back in 40 ms.
+TEST(LinkState, TheClockOfAPeerIsKnownOnceStatusesWentBothWays) {
+  TimeNs now_ns = 1'000'000'000'000;
+  LinkState state("uav0", 8, [&] { return now_ns; });
+  PeerId own_id{};
+  own_id[0] = 99;
+  state.set_own_id(own_id);
+  constexpr TimeNs kAheadNs = 3'000'000'000;
+
+  const TimeNs sent_ns = state.to_be_said(samples::status("uav0")).sent_ns;
+  EXPECT_EQ(sent_ns, now_ns);
+  StatusSample peers{samples::status("uav1"), {{7, 1, 2}, {token(own_id)}}, 0};
+  const auto receive = [&] { state.receive(Kind::kStatus, encode(peers), uav1_id()); };
+  peers.sent_ns = now_ns + kAheadNs;
+  receive();  // it has heard of no status yet
+  EXPECT_TRUE(state.statistics().clocks.empty());
+
+  peers.hears[1] = {token(own_id), sent_ns, sent_ns + 40'000'000 + kAheadNs};
+  peers.sent_ns = sent_ns + 500'000'000 + kAheadNs;
+  now_ns = sent_ns + 540'000'000;
+  receive();
+  const ClockOffset clock = state.statistics().clocks.at("uav1");
+  EXPECT_EQ(clock.offset_ns, kAheadNs);
+  EXPECT_EQ(clock.round_trip_ns, 80'000'000);
+
+  // What it says next cannot be.
+  peers.hears[1].received_ns = peers.sent_ns + 1;
+  receive();
+  EXPECT_EQ(state.statistics().clocks.at("uav1").offset_ns, kAheadNs);
+}
+
+TEST(LinkState, TheOwnStatusSaysWhenThoseOfItsPeersCame) {
+  TimeNs now_ns = 1'000'000'000'000;
+  LinkState state("uav0", 8, [&] { return now_ns; });
+  for (std::size_t i = 0; i < kChannels; ++i)
+    state.change_matches(uav1_id(), static_cast<Channel>(i), +1);
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {}, 77}), uav1_id());
+  now_ns += 5;
+  const StatusSample own = state.to_be_said(samples::status("uav0"));
+  ASSERT_EQ(own.hears.size(), 1U);
+  EXPECT_EQ(own.hears[0].token, token(uav1_id()));
+  EXPECT_EQ(own.hears[0].sent_ns, 77);
+  EXPECT_EQ(own.hears[0].received_ns, now_ns - 5);
+  EXPECT_EQ(own.sent_ns, now_ns);
 }
 
 TEST(LinkState, PayloadBytesAreThoseOfTheSamples) {

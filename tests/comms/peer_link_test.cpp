@@ -386,5 +386,27 @@ TEST(PeerLink, ThreadsMayShareALink) {
   EXPECT_THAT(a.statistics().rejected, IsEmpty());
 }
 
+// Both links read this machine's clock, one of them three seconds too late: what they find is sure
+// to half the round trip, whoever had to wait for the processor.
+TEST(PeerLink, FindsHowFarThePeersClockIsOff) {
+  constexpr TimeNs kAheadNs = 3'000'000'000;
+  PeerLink right(team_config("uav0"));
+  PeerLink ahead(team_config("uav1"), [] { return wall_clock_ns() + kAheadNs; });
+  ASSERT_TRUE(right.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(ahead.wait_for_peers({"uav0"}, kPatience));
+  LinkStatistics of_right, of_ahead;
+  const auto start = std::chrono::steady_clock::now();
+  for (std::uint32_t frames = 0; of_right.clocks.empty() || of_ahead.clocks.empty(); ++frames) {
+    ASSERT_LT(std::chrono::steady_clock::now() - start, kPatience);
+    ASSERT_TRUE(right.publish(samples::status("uav0", frames)));
+    ASSERT_TRUE(ahead.publish(samples::status("uav1", frames)));
+    of_right = right.statistics();
+    of_ahead = ahead.statistics();
+  }
+  const ClockOffset of_peer = of_right.clocks.at("uav1"), back = of_ahead.clocks.at("uav0");
+  EXPECT_LE(std::abs(of_peer.offset_ns - kAheadNs), of_peer.round_trip_ns / 2 + 1);
+  EXPECT_LE(std::abs(back.offset_ns + kAheadNs), back.round_trip_ns / 2 + 1);
+}
+
 }  // namespace
 }  // namespace covey

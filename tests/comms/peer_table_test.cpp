@@ -18,6 +18,10 @@ PeerId id(std::uint8_t number) {
   return out;
 }
 
+testing::Matcher<const HeardPeer&> is(const PeerId& id) {
+  return testing::Field(&HeardPeer::token, token(id));
+}
+
 void match_all(PeerTable& table, const PeerId& peer) {
   for (std::size_t i = 0; i < kChannels; ++i)
     table.change_matches(peer, static_cast<Channel>(i), +1);
@@ -27,10 +31,23 @@ TEST(PeerTable, APeerIsLinkedOnceBothSidesHearEachOther) {
   PeerTable table(8);
   table.set_name(id(1), "uav1");
   match_all(table, id(1));
-  EXPECT_THAT(table.heard(), ElementsAre(token(id(1))));
+  EXPECT_THAT(table.heard(), ElementsAre(is(id(1))));
   EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
   table.set_hears(id(1), {5, kOwnToken});
   EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+}
+
+TEST(PeerTable, WhatIsHeardComesWithTheStampsOfItsNewestStatus) {
+  PeerTable table(8);
+  match_all(table, id(1));
+  EXPECT_EQ(table.heard().front().sent_ns, 0);
+  table.set_status_stamps(id(1), 5, 6);
+  table.set_status_stamps(id(1), 7, 8);
+  EXPECT_EQ(table.heard().front().sent_ns, 7);
+  EXPECT_EQ(table.heard().front().received_ns, 8);
+  table.remove(id(1));
+  match_all(table, id(1));
+  EXPECT_EQ(table.heard().front().sent_ns, 0);
 }
 
 TEST(PeerTable, EachMissingChannelKeepsAPeerFromBeingLinked) {
@@ -54,7 +71,7 @@ TEST(PeerTable, ARestartedDroneOfTheSameNameIsAnotherPeer) {
   table.set_name(id(2), "uav1");
   match_all(table, id(2));
   EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
-  EXPECT_THAT(table.heard(), ElementsAre(token(id(2))));
+  EXPECT_THAT(table.heard(), ElementsAre(is(id(2))));
 }
 
 TEST(PeerTable, ADeadPeerIsNotLinkedAndComesBack) {

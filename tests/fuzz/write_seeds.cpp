@@ -52,7 +52,8 @@ void write_all(const std::filesystem::path& folder) {
   write(folder / "small_full_message",
         encode(covey::FullPeerKeyframe{covey::samples::keyframe("uav1", "uav0", 1),
                                        covey::samples::filter(1, 0)}));
-  write(folder / "status", encode(covey::StatusSample{covey::samples::status(), {1, 2}}));
+  write(folder / "status",
+        encode(covey::StatusSample{covey::samples::status(), {{1, 5, 6}, {2}}, 9}));
   write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
   using Kind = covey::RecordKind;
   write(folder / "report", records({{Kind::kReport, encode(report())}}));
