@@ -42,7 +42,8 @@ enum class DiscoveryMode : std::uint8_t { kUnicast, kMulticast, kServer };
 struct DiscoveryProfile {
   DiscoveryMode mode = DiscoveryMode::kUnicast;
   int lease_ms = 9000;          // a drone that is silent for so long is forgotten
-  int announcement_ms = 3000;   // between two signs of life
+  int announcement_ms = 3000;   // between two, while anybody of the team is missing
+  int sign_of_life_ms = 1400;   // of a drone that has nothing else to say
   int first_announcements = 5;  // at the start, in quick succession
   int first_announcement_ms = 100;
   int ports_per_host = 1;  // where drones of one host are looked for
