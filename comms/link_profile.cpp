@@ -35,14 +35,20 @@ void check_bucket(const std::string& name, int rate, int burst, int datagram_byt
 }  // namespace
 
 LinkProfile::LinkProfile() {
+  for (TopicProfile* topic : {&request, &message}) {
+    topic->heartbeat_ms = 50;
+    topic->nack_response_ms = 1;
+    topic->piggyback = true;
+  }
   request.depth = 8;
   request.lifespan_ms = 200;
-  request.piggyback = true;
+  request.heartbeat_response_ms = 2;
   message.depth = full_message.depth = 4;
   status.late_joiners = true;
   status.liveliness_ms = 1900;
   status.piggyback = true;
   odometry.reliability = Reliability::kBestEffort;
+  full_message.heartbeat_ms = status.heartbeat_ms = odometry.heartbeat_ms = 40;
 }
 
 void check(const LinkProfile& profile) {

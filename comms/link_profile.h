@@ -23,7 +23,7 @@ struct TopicProfile {
   int deadline_ms = 0;            // a sample at least so often is promised to the reader
   int liveliness_ms = 0;          // without a sign of life a sender counts as gone
   int max_blocking_ms = 100;      // of a sender whose history is full
-  int heartbeat_ms = 40;          // between two offers to repair
+  int heartbeat_ms = 60;          // between two offers to repair
   bool piggyback = false;         // an offer along with every datagram as well
   int heartbeat_response_ms = 5;  // from an offer to what the reader misses
   int nack_response_ms = 5;       // from there to the repair
@@ -32,7 +32,7 @@ struct TopicProfile {
 };
 
 struct TransportProfile {
-  int datagram_bytes = 1400;           // UDP payload at most; larger samples are sent in fragments
+  int datagram_bytes = 1472;           // UDP payload at most; larger samples are sent in fragments
   int socket_buffer_kib = 256;         // each way
   int full_message_buffer_kib = 4096;  // instead, where whole filters are exchanged
 };

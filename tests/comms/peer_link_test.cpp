@@ -314,6 +314,17 @@ TEST(PeerLink, ASilentPeerIsMadeToAnswer) {
   EXPECT_EQ(asks.peers(), std::set<std::string>{"uav1"});
 }
 
+// The next heartbeat of the clock would come after the test.
+TEST(PeerLink, AQuestionIsAcknowledgedWithoutWaitingForAHeartbeat) {
+  LinkConfig config = team_config("uav0");
+  config.profile.request.heartbeat_ms = 200'000;
+  config.profile.request.lifespan_ms = 0;
+  PeerLink asks(config), hears(team_config("uav1"));
+  ASSERT_TRUE(asks.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(asks.send(samples::advert("uav0")));
+  EXPECT_TRUE(asks.flush(kPatience));
+}
+
 TEST(PeerLink, TheSettingsTellHowManyOthersThereAre) {
   LinkConfig config = team_config("uav0");
   config.initial_peers = {"127.0.0.1", "10.0.0.2", "10.0.0.3", "10.0.0.2"};
