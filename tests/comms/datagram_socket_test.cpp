@@ -21,8 +21,8 @@ class Receiver {
     own_.sin_family = AF_INET;
     own_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t size = sizeof(own_);
-    bind(socket_, reinterpret_cast<const sockaddr*>(&own_), size);
-    getsockname(socket_, reinterpret_cast<sockaddr*>(&own_), &size);
+    EXPECT_EQ(bind(socket_, reinterpret_cast<const sockaddr*>(&own_), size), 0);
+    EXPECT_EQ(getsockname(socket_, reinterpret_cast<sockaddr*>(&own_), &size), 0);
   }
   ~Receiver() { close(socket_); }
   Receiver(const Receiver&) = delete;
