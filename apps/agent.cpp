@@ -20,7 +20,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kStatusInterval_s = 1;
+// Nobody on board waits for a status, and that the drone is there the link says by itself.
+constexpr double kStatusInterval_s = 5;
+constexpr double kStatusFileInterval_s = 1;
 
 Dataset recording_of(const AgentSettings& agent) {
   if (agent.dataset.empty()) throw std::runtime_error("agent.dataset says no folder");
@@ -191,11 +193,21 @@ void Agent::publish(const ImageResult& result) {
   }
   if (result.odometry) link_->publish(*result.odometry);
   const TimeNs stamp_ns = result.timing.stamp_ns;
-  if (last_status_ns_ == 0 || seconds_between(last_status_ns_, stamp_ns) >= kStatusInterval_s) {
-    link_->publish(pipeline_.status());
+  publish_status();
+  if (last_status_file_ns_ == 0 ||
+      seconds_between(last_status_file_ns_, stamp_ns) >= kStatusFileInterval_s) {
     write_status(stamp_ns);
-    last_status_ns_ = stamp_ns;
+    last_status_file_ns_ = stamp_ns;
   }
+}
+
+void Agent::publish_status() {
+  const AgentStatus status = pipeline_.status();
+  const bool due = !published_ || published_->status != status.status ||
+                   seconds_between(published_->stamp_ns, status.stamp_ns) >= kStatusInterval_s;
+  if (!due) return;
+  link_->publish(status);
+  published_ = status;
 }
 
 // For who looks at a drone from outside: a container's health check, a person.

@@ -74,6 +74,7 @@ class Agent {
   void count(const UpdateReport& update);
   void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
+  void publish_status();
   void write_status(TimeNs stamp_ns) const;
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
@@ -105,7 +106,8 @@ class Agent {
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
   TimeNs last_ns_ = 0;
-  TimeNs last_status_ns_ = 0;
+  TimeNs last_status_file_ns_ = 0;
+  std::optional<AgentStatus> published_;
 };
 
 // Flies a recording at the configured pace: by itself, or as a team says over `control_fd`.

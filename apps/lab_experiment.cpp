@@ -267,6 +267,7 @@ LabExperiment experiment_from_json(const Json& json, const std::string& file) {
   object.text("scenario", experiment.scenario);
   object.count("scenario_seed", experiment.scenario_seed, {0, 1e9});
   object.flag("fly", experiment.fly);
+  object.number("settle_s", experiment.settle_s, kTime_s);
   object.number("hold_s", experiment.hold_s, kTime_s);
   object.number("pace", experiment.pace, {0.01, 100});
   object.number("seconds", experiment.seconds, kTime_s);

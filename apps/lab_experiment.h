@@ -52,10 +52,11 @@ struct LabExperiment {
   std::string dataset;   // folder; else
   std::string scenario;  // is simulated
   std::uint64_t scenario_seed = 1;
-  bool fly = true;     // false: the drones only meet
-  double hold_s = 10;  // and then stay in touch so long
-  double pace = 1;     // times real time
-  double seconds = 0;  // of the recording; 0: all of it
+  bool fly = true;      // false: the drones only meet
+  double settle_s = 0;  // and then stay in touch so long, uncounted
+  double hold_s = 10;   // and so long, counted
+  double pace = 1;      // times real time
+  double seconds = 0;   // of the recording; 0: all of it
   LabGrid grid;
   double jitter_ms = 0, queue_ms = 200;
   std::vector<LabLink> links;

@@ -58,14 +58,17 @@ class LabFlight {
       start(i);
     }
     meet();
-    const double met_ms = steady_ms();
+    result_.meeting = network_.frames().counts();
+    if (!plan_.fly) wait(plan_.settle_s);
+    const std::vector<PortCounts> before = network_.frames().counts();
+    const double start_ms = steady_ms();
     if (plan_.fly) {
       fly();
     } else {
-      hold();
+      wait(plan_.hold_s);
     }
-    result_.together_s = (steady_ms() - met_ms) * 1e-3;
-    count_frames();
+    result_.together_s = (steady_ms() - start_ms) * 1e-3;
+    count_frames_since(before);
     end_all();
     return result_;
   }
@@ -74,7 +77,7 @@ class LabFlight {
   void start(std::size_t drone);
   void start_again(std::size_t drone);
   void meet();
-  void hold();
+  void wait(double seconds);
   void fly();
   void kill_one();
   void poll();
@@ -82,7 +85,7 @@ class LabFlight {
   void accept(std::size_t drone, const Reply& reply);
   void ask_to_meet(std::size_t drone);
   void bury(std::size_t drone);
-  void count_frames();
+  void count_frames_since(const std::vector<PortCounts>& before);
   void end_all();
   void show_progress();
 
@@ -148,11 +151,10 @@ void LabFlight::meet() {
     for (const Member& member : members_) met_ms = std::max(met_ms, member.met_ms);
     result_.met_after_s = (met_ms - open_ms) * 1e-3;
   }
-  result_.meeting = network_.frames().counts();
 }
 
-void LabFlight::hold() {
-  const double until_ms = steady_ms() + 1e3 * plan_.hold_s;
+void LabFlight::wait(double seconds) {
+  const double until_ms = steady_ms() + 1e3 * seconds;
   while (steady_ms() < until_ms && !stop_requested()) poll();
 }
 
@@ -264,11 +266,10 @@ void LabFlight::bury(std::size_t drone) {
   if (!why.empty()) result_.flight.ended_early.emplace(member.config.agent.name, why);
 }
 
-void LabFlight::count_frames() {
+void LabFlight::count_frames_since(const std::vector<PortCounts>& before) {
   const std::vector<PortCounts> counts = network_.frames().counts();
-  result_.meeting.resize(counts.size());
   for (std::size_t i = 0; i < counts.size(); ++i) {
-    result_.together.push_back(difference(counts[i], result_.meeting[i]));
+    result_.together.push_back(difference(counts[i], before[i]));
   }
 }
 

@@ -20,7 +20,7 @@ namespace covey {
 struct LabFlightPlan {
   std::vector<AgentConfig> agents;  // in the order of the network's drones
   bool fly = true;
-  double hold_s = 0;
+  double settle_s = 0, hold_s = 0;
   double pace = 1;
   LabKills kills;
   std::uint64_t seed = 1;
@@ -42,7 +42,8 @@ struct LabFlightResult {
   std::optional<double> met_after_s;  // since the last drone's link was open
   std::vector<LabKill> kills;
   double longest_silence_s = 0;  // of a drone that flew, between two signs of progress
-  // Frames of each drone: until all had met, and from then on until the end.
+  // Frames of each drone: until all had met, and from then on (where nobody flies, from when they
+  // had settled) until the end.
   std::vector<PortCounts> meeting, together;
   double together_s = 0;  // s of the clock
 };

@@ -254,8 +254,13 @@ RunSummary LabRun::alone(const TeamOptions& team) const {
 void LabRun::fly(const LabCell& cell) {
   const TeamOptions team = team_of(cell);
   fs::remove_all(team.out);  // of a run that was interrupted
-  const LabFlightPlan plan{agents_of(cell, team), experiment_.fly,   experiment_.hold_s,
-                           experiment_.pace,      experiment_.kills, cell.seed};
+  const LabFlightPlan plan{agents_of(cell, team),
+                           experiment_.fly,
+                           experiment_.settle_s,
+                           experiment_.hold_s,
+                           experiment_.pace,
+                           experiment_.kills,
+                           cell.seed};
   const std::set<std::string> before = shared_memory();
   LabFlightResult flight;
   {

@@ -51,7 +51,10 @@ void visit_discovery(DiscoveryProfile& discovery, ConfigVisitor& v) {
   v.begin_section("discovery");
   v.option("mode", discovery.mode, {"unicast", "multicast", "server"}, "how drones are found");
   v.count("lease_ms", discovery.lease_ms, {100, kHour_ms}, "[ms] of silence until forgotten");
-  v.count("announcement_ms", discovery.announcement_ms, {10, kHour_ms}, "[ms] between two");
+  v.count("announcement_ms", discovery.announcement_ms, {10, kHour_ms},
+          "[ms] between two, while anybody is missing");
+  v.count("sign_of_life_ms", discovery.sign_of_life_ms, {50, kHour_ms},
+          "[ms] after anything else was said to all");
   v.count("first_announcements", discovery.first_announcements, {0, 100}, "in quick succession");
   v.count("first_announcement_ms", discovery.first_announcement_ms, {1, 1e5}, "[ms] between two");
   v.count("ports_per_host", discovery.ports_per_host, {1, 100}, "where drones are looked for");

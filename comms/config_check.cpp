@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdlib>
 #include <memory>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -119,6 +120,16 @@ void check(const LinkConfig& config) {
   // It would quietly replace the discovery that keeps us on the chosen interfaces.
   require(std::getenv("ROS_DISCOVERY_SERVER") == nullptr,
           "ROS_DISCOVERY_SERVER is set and would redirect discovery: unset it");
+}
+
+std::size_t other_drones(const LinkConfig& config) {
+  const DiscoveryProfile& discovery = config.profile.discovery;
+  if (config.loopback_only || discovery.mode != DiscoveryMode::kUnicast ||
+      discovery.ports_per_host > 1)
+    return 0;
+  std::set<std::string> others(config.initial_peers.begin(), config.initial_peers.end());
+  for (const std::string& own : addresses_of_this_machine()) others.erase(own);
+  return others.size();
 }
 
 }  // namespace covey

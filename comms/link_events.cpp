@@ -43,9 +43,12 @@ void DiscoveryEvents::on_subscriber_discovery(dds::DomainParticipant* /*particip
 
 void DiscoveryEvents::on_participant_discovery(dds::DomainParticipant* /*participant*/,
                                                rtps::ParticipantDiscoveryInfo&& info) {
+  const PeerId id = peer_id(info.info.m_guid.guidPrefix);
   if (info.status == rtps::ParticipantDiscoveryInfo::REMOVED_PARTICIPANT ||
       info.status == rtps::ParticipantDiscoveryInfo::DROPPED_PARTICIPANT)
-    state_.remove_peer(peer_id(info.info.m_guid.guidPrefix));
+    state_.remove_participant(id);
+  else
+    state_.enter_participant(id);
 }
 
 void WriterEvents::on_publication_matched(dds::DataWriter* /*writer*/,
@@ -66,13 +69,6 @@ void ReaderEvents::on_subscription_matched(dds::DataReader* /*reader*/,
                                            const dds::SubscriptionMatchedStatus& status) {
   state_.change_matches(peer_id(status.last_publication_handle), channel_,
                         status.current_count_change);
-}
-
-void ReaderEvents::on_liveliness_changed(dds::DataReader* /*reader*/,
-                                         const dds::LivelinessChangedStatus& status) {
-  // Only a status is written with a lease that can run out.
-  if (kind_ == Kind::kStatus)
-    state_.set_alive(peer_id(status.last_publication_handle), status.alive_count_change > 0);
 }
 
 void ReaderEvents::receive(const Bytes& bytes, const PeerId& from) {

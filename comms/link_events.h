@@ -52,9 +52,6 @@ class ReaderEvents : public eprosima::fastdds::dds::DataReaderListener {
   void on_subscription_matched(
       eprosima::fastdds::dds::DataReader* reader,
       const eprosima::fastdds::dds::SubscriptionMatchedStatus& status) override;
-  void on_liveliness_changed(
-      eprosima::fastdds::dds::DataReader* reader,
-      const eprosima::fastdds::dds::LivelinessChangedStatus& status) override;
 
  private:
   void receive(const Bytes& bytes, const PeerId& from);

@@ -35,14 +35,20 @@ void check_bucket(const std::string& name, int rate, int burst, int datagram_byt
 }  // namespace
 
 LinkProfile::LinkProfile() {
+  for (TopicProfile* topic : {&request, &message}) {
+    topic->heartbeat_ms = 50;
+    topic->nack_response_ms = 1;
+    topic->piggyback = true;
+  }
   request.depth = 8;
   request.lifespan_ms = 200;
-  request.piggyback = true;
+  request.heartbeat_response_ms = 2;
   message.depth = full_message.depth = 4;
   status.late_joiners = true;
-  status.liveliness_ms = 1500;
+  status.liveliness_ms = 1900;
   status.piggyback = true;
   odometry.reliability = Reliability::kBestEffort;
+  full_message.heartbeat_ms = status.heartbeat_ms = odometry.heartbeat_ms = 40;
 }
 
 void check(const LinkProfile& profile) {
@@ -59,6 +65,10 @@ void check(const LinkProfile& profile) {
   const DiscoveryProfile& discovery = profile.discovery;
   require(discovery.lease_ms >= 2 * discovery.announcement_ms,
           "discovery.lease_ms is below twice announcement_ms: one lost packet would end a drone");
+  require(
+      discovery.sign_of_life_ms < profile.status.liveliness_ms,
+      "discovery.sign_of_life_ms is not below status.liveliness_ms: a quiet drone would count as "
+      "lost");
   const LoadProfile& load = profile.load;
   check_bucket("drone", load.drone_bytes_per_s, load.drone_burst_bytes, datagram_bytes);
   check_bucket("link", load.link_bytes_per_s, load.link_burst_bytes, datagram_bytes);

@@ -23,7 +23,7 @@ struct TopicProfile {
   int deadline_ms = 0;            // a sample at least so often is promised to the reader
   int liveliness_ms = 0;          // without a sign of life a sender counts as gone
   int max_blocking_ms = 100;      // of a sender whose history is full
-  int heartbeat_ms = 40;          // between two offers to repair
+  int heartbeat_ms = 60;          // between two offers to repair
   bool piggyback = false;         // an offer along with every datagram as well
   int heartbeat_response_ms = 5;  // from an offer to what the reader misses
   int nack_response_ms = 5;       // from there to the repair
@@ -32,7 +32,7 @@ struct TopicProfile {
 };
 
 struct TransportProfile {
-  int datagram_bytes = 1400;           // UDP payload at most; larger samples are sent in fragments
+  int datagram_bytes = 1472;           // UDP payload at most; larger samples are sent in fragments
   int socket_buffer_kib = 256;         // each way
   int full_message_buffer_kib = 4096;  // instead, where whole filters are exchanged
 };
@@ -42,7 +42,8 @@ enum class DiscoveryMode : std::uint8_t { kUnicast, kMulticast, kServer };
 struct DiscoveryProfile {
   DiscoveryMode mode = DiscoveryMode::kUnicast;
   int lease_ms = 9000;          // a drone that is silent for so long is forgotten
-  int announcement_ms = 3000;   // between two signs of life
+  int announcement_ms = 3000;   // between two, while anybody of the team is missing
+  int sign_of_life_ms = 1400;   // of a drone that has nothing else to say
   int first_announcements = 5;  // at the start, in quick succession
   int first_announcement_ms = 100;
   int ports_per_host = 1;  // where drones of one host are looked for

@@ -11,6 +11,8 @@ namespace {
 
 // Twice what fits into a status: drones that come back are other ones until their ghosts have gone.
 constexpr std::size_t kMaxPeers = 2 * kMaxHears;
+// A newcomer may have to be told of this drone more than once before both are linked.
+constexpr std::chrono::seconds kWelcome{5};
 
 bool same(const AgentStatus& a, const AgentStatus& b) {
   return a.agent == b.agent && a.stamp_ns == b.stamp_ns && a.status == b.status &&
@@ -29,9 +31,11 @@ const PeerKeyframe& keyframe_of(const FullPeerKeyframe& message) { return messag
 
 }  // namespace
 
-LinkState::LinkState(std::string agent, std::size_t inbox_limit, WallClock clock)
+LinkState::LinkState(std::string agent, std::size_t inbox_limit, const TeamWatch& watch,
+                     WallClock clock)
     : agent_(std::move(agent)),
       inbox_limit_(inbox_limit),
+      watch_(watch),
       clock_(std::move(clock)),
       table_(kMaxPeers) {}
 
@@ -167,12 +171,31 @@ void LinkState::change_matches(const PeerId& id, Channel channel, int difference
   change_peers([&](PeerTable& table) { table.change_matches(id, channel, difference); });
 }
 
-void LinkState::set_alive(const PeerId& id, bool alive) {
-  change_peers([&](PeerTable& table) { table.set_alive(id, alive); });
+void LinkState::enter_participant(const PeerId& id) {
+  const std::lock_guard lock(mutex_);
+  participants_.insert(id);
 }
 
-void LinkState::remove_peer(const PeerId& id) {
-  change_peers([&](PeerTable& table) { table.remove(id); });
+void LinkState::remove_participant(const PeerId& id) {
+  change_peers([&](PeerTable& table) {
+    table.remove(id);
+    participants_.erase(id);
+  });
+}
+
+void LinkState::hear(const PeerId& id, Time now) {
+  const std::lock_guard lock(mutex_);
+  if (id == own_id_) return;
+  if (participants_.count(id) == 0) newcomer_ = now;
+  if (!table_.hear(id, now)) return;
+  peers_changed_ = true;
+  changed_.notify_all();
+}
+
+bool LinkState::complete(Time now) const {
+  const std::lock_guard lock(mutex_);
+  return watch_.others > 0 && now - newcomer_ > kWelcome &&
+         table_.linked(token(own_id_)).size() >= watch_.others;
 }
 
 // ------------------------------------------------------------------------------ from the caller
@@ -259,12 +282,16 @@ bool LinkState::wait_for_inbox(const ArrivalCounts& at_least, Duration timeout) 
   return ready();
 }
 
-std::optional<LinkState::Housekeeping> LinkState::wait_for_housekeeping() {
+std::optional<LinkState::Housekeeping> LinkState::wait_for_housekeeping(Time until) {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return closed_ || peers_changed_; });
+  const Time check =
+      table_.next_check(watch_.silence, std::chrono::steady_clock::now()).value_or(until);
+  changed_.wait_until(lock, std::min(until, check), [&] { return closed_ || peers_changed_; });
   if (closed_) return std::nullopt;
   peers_changed_ = false;
-  return Housekeeping{table_.names(), tokens(table_.heard())};
+  const auto silence = table_.check_silence(watch_.silence, std::chrono::steady_clock::now());
+  if (silence.gone) changed_.notify_all();
+  return Housekeeping{table_.names(), tokens(table_.heard()), silence.doubt};
 }
 
 StatusSample LinkState::to_be_said(const AgentStatus& status) const {

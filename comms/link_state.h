@@ -24,11 +24,19 @@ namespace covey {
 
 enum class Kind : std::uint8_t { kRequest, kMessage, kFullMessage, kStatus, kOdometry };
 
+// When who is missed.
+struct TeamWatch {
+  SilenceLimits silence;
+  std::size_t others = 0;  // drones that belong to the team besides this one; 0: not known
+};
+
 class LinkState {
  public:
   using Duration = std::chrono::milliseconds;
+  using Time = PeerTable::Time;
 
-  LinkState(std::string agent, std::size_t inbox_limit, WallClock clock = wall_clock_ns);
+  LinkState(std::string agent, std::size_t inbox_limit, const TeamWatch& watch = {},
+            WallClock clock = wall_clock_ns);
   void set_own_id(const PeerId& id);
 
   // --- From DDS: what arrived, and who is there. What comes from this drone itself is ignored.
@@ -36,8 +44,11 @@ class LinkState {
   void reject(const PeerId& from, const std::string& reason);
   void name_peer(const PeerId& id, const std::string& name);
   void change_matches(const PeerId& id, Channel channel, int difference);
-  void set_alive(const PeerId& id, bool alive);
-  void remove_peer(const PeerId& id);
+  void enter_participant(const PeerId& id);  // drone or not
+  void remove_participant(const PeerId& id);
+  void hear(const PeerId& id, Time now);  // a packet, whatever it says
+  // Everybody is linked and nobody has come lately: no participant needs to be told of this one.
+  [[nodiscard]] bool complete(Time now) const;
 
   // --- From the caller.
   std::vector<Inbound> take();
@@ -57,9 +68,10 @@ class LinkState {
   struct Housekeeping {
     std::set<std::string> names;       // drones that may be answered
     std::vector<std::uint64_t> heard;  // tokens: when they change, the own status is due
+    bool doubt = false;                // a peer is silent: it should be made to answer
   };
-  // Blocks until something changed; nothing once closed.
-  [[nodiscard]] std::optional<Housekeeping> wait_for_housekeeping();
+  // Blocks until something changed or the time has come; nothing once closed.
+  [[nodiscard]] std::optional<Housekeeping> wait_for_housekeeping(Time until);
   // What the own status says of the peers, and the clock at this moment.
   [[nodiscard]] StatusSample to_be_said(const AgentStatus& status) const;
   void close();  // ends every wait
@@ -78,12 +90,15 @@ class LinkState {
 
   const std::string agent_;
   const std::size_t inbox_limit_;
+  const TeamWatch watch_;
   const WallClock clock_;
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   PeerId own_id_{};
   PeerTable table_;
+  std::set<PeerId> participants_;                   // as many as DDS admits
+  Time newcomer_;                                   // last packet of one that was not among them
   std::map<std::string, AgentStatus> last_status_;  // by drone
   std::map<std::string, ClockFilter> clocks_;       // the same
   std::deque<Inbound> inbox_;

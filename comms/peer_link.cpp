@@ -73,6 +73,17 @@ void require(bool good, const std::string& complaint) {
   if (!good) throw std::runtime_error("link: " + complaint);
 }
 
+// Who goes on being silent after it should have answered is gone. In between a reliable status
+// is offered to it again and again.
+TeamWatch team_watch(const LinkConfig& config) {
+  TeamWatch watch;
+  const milliseconds sign(config.profile.discovery.sign_of_life_ms);
+  watch.silence.gone = milliseconds(config.profile.status.liveliness_ms);
+  watch.silence.doubt = sign + (watch.silence.gone - sign) / 6;
+  watch.others = other_drones(config);
+  return watch;
+}
+
 struct ParticipantDeleter {
   void operator()(dds::DomainParticipant* participant) const {
     participant->set_listener(nullptr);
@@ -125,11 +136,13 @@ class PeerLink::Impl {
   bool send_to(const std::set<std::string>& receivers, const PeerKeyframe& keyframe, Bytes bytes);
   [[nodiscard]] std::set<std::string> everybody() const;
   bool publish_status();
+  steady_clock::time_point next_sign();
+  void give_sign_when_due();
 
   const LinkConfig config_;
   const Kind message_kind_;
   LinkState state_;
-  const std::shared_ptr<WireCounters> wire_ = std::make_shared<WireCounters>();
+  const std::shared_ptr<Wire> wire_ = std::make_shared<Wire>();
 
   // Listeners outlive the participant that calls them.
   DiscoveryEvents discovery_events_;
@@ -152,6 +165,7 @@ class PeerLink::Impl {
 
   std::mutex status_mutex_;  // one status after the other: the newest has to be the last
   AgentStatus status_;
+  steady_clock::time_point last_sign_;  // of life, to all
 
   // Waits for room on the radio; whoever holds the lock writes what comes out.
   mutable std::mutex outbox_mutex_;
@@ -167,10 +181,12 @@ class PeerLink::Impl {
 PeerLink::Impl::Impl(const LinkConfig& config, const WallClock& clock)
     : config_((check(config), config)),
       message_kind_(config.full_messages ? Kind::kFullMessage : Kind::kMessage),
-      state_(config.agent, config.inbox_limit, clock),
+      state_(config.agent, config.inbox_limit, team_watch(config), clock),
       discovery_events_(state_, topic_name(message_kind_)),
       outbox_(config_.profile.load) {
   status_.agent = config_.agent;
+  wire_->heard = [this](const PeerId& id) { state_.hear(id, steady_clock::now()); };
+  wire_->quiet = [this] { return state_.complete(steady_clock::now()); };
   create_participant();
   register_types();
   request_writer_ = create_writer(Kind::kRequest, &request_written_);
@@ -281,8 +297,7 @@ dds::DataWriter* PeerLink::Impl::create_writer(Kind kind, WriterEvents* events,
 void PeerLink::Impl::create_reader(Kind kind, ReaderEvents* events, const std::string& receiver) {
   dds::Topic* topic = create_topic(kind, receiver);
   const dds::StatusMask mask = dds::StatusMask::data_available()
-                               << dds::StatusMask::subscription_matched()
-                               << dds::StatusMask::liveliness_changed();
+                               << dds::StatusMask::subscription_matched();
   const dds::DataReader* reader =
       subscriber_->create_datareader(topic, reader_qos(kind, config_), events, mask);
   require(reader != nullptr, "cannot create DDS reader of " + topic->get_name());
@@ -291,10 +306,28 @@ void PeerLink::Impl::create_reader(Kind kind, ReaderEvents* events, const std::s
 // Creating entities and writing inside a DDS callback can lock up: both happen on a thread of ours.
 void PeerLink::Impl::keep_house() {
   std::vector<std::uint64_t> told;
-  while (const auto news = state_.wait_for_housekeeping()) {
+  while (const auto news = state_.wait_for_housekeeping(next_sign())) {
     create_answer_writers(news->names);
-    if (news->heard != told && publish_status()) told = news->heard;
+    if (news->heard != told && publish_status())
+      told = news->heard;
+    else if (news->doubt)
+      publish_status();  // whoever is there has to acknowledge it
+    else
+      give_sign_when_due();
   }
+}
+
+steady_clock::time_point PeerLink::Impl::next_sign() {
+  const std::lock_guard lock(status_mutex_);
+  return last_sign_ + milliseconds(config_.profile.discovery.sign_of_life_ms);
+}
+
+// A heartbeat: nobody answers it who has all that was said.
+void PeerLink::Impl::give_sign_when_due() {
+  if (steady_clock::now() < next_sign()) return;
+  const std::lock_guard lock(status_mutex_);
+  status_writer_->assert_liveliness();
+  last_sign_ = steady_clock::now();
 }
 
 // Holds the lock from creation to entry: a writer may be matched, and be asked for, in between.
@@ -424,6 +457,7 @@ std::set<std::string> PeerLink::Impl::everybody() const {
 
 bool PeerLink::Impl::publish_status() {
   const std::lock_guard lock(status_mutex_);
+  last_sign_ = steady_clock::now();
   return write(Kind::kStatus, status_writer_, encode(state_.to_be_said(status_)));
 }
 

@@ -44,9 +44,40 @@ void PeerTable::change_matches(const PeerId& id, Channel channel, int difference
   }
 }
 
-void PeerTable::set_alive(const PeerId& id, bool alive) {
+bool PeerTable::hear(const PeerId& id, Time now) {
   const auto found = peers_.find(id);
-  if (found != peers_.end()) found->second.alive = alive;
+  if (found == peers_.end()) return false;
+  found->second.heard = now;
+  found->second.doubted = false;
+  return !std::exchange(found->second.alive, true);
+}
+
+PeerTable::Silence PeerTable::check_silence(const SilenceLimits& limits, Time now) {
+  Silence silence;
+  for (auto& [id, peer] : peers_) {
+    if (!peer.heard) peer.heard = now;
+    if (!peer.alive) continue;
+    const auto silent = now - *peer.heard;
+    if (silent >= limits.gone) {
+      peer.alive = false;
+      silence.gone = true;
+    } else if (silent >= limits.doubt && !peer.doubted && matched_everywhere(peer)) {
+      peer.doubted = true;
+      silence.doubt = true;
+    }
+  }
+  return silence;
+}
+
+std::optional<PeerTable::Time> PeerTable::next_check(const SilenceLimits& limits, Time now) const {
+  std::optional<Time> next;
+  for (const auto& [id, peer] : peers_) {
+    if (!peer.alive) continue;
+    const bool asked = peer.doubted || !matched_everywhere(peer);
+    const Time due = peer.heard.value_or(now) + (asked ? limits.gone : limits.doubt);
+    next = std::min(next.value_or(due), due);
+  }
+  return next;
 }
 
 void PeerTable::set_hears(const PeerId& id, std::vector<std::uint64_t> tokens) {

@@ -7,9 +7,11 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -33,18 +35,34 @@ enum class Channel : std::uint8_t {
 };
 inline constexpr std::size_t kChannels = 6;
 
+// Whatever comes from a peer is a sign of life. Who has been silent for `doubt` is to be asked; who
+// goes on being silent is gone.
+struct SilenceLimits {
+  std::chrono::milliseconds doubt{1500}, gone{1900};
+};
+
 class PeerTable {
  public:
+  using Time = std::chrono::steady_clock::time_point;
+
   // `limit` peers at most: what comes after is not entered, a flood of strangers costs no memory.
   explicit PeerTable(std::size_t limit) : limit_(limit) {}
 
   void set_name(const PeerId& id, const std::string& name);
   void change_matches(const PeerId& id, Channel channel, int difference);
-  void set_alive(const PeerId& id, bool alive);
+  bool hear(const PeerId& id, Time now);  // whether it had been gone
   void set_hears(const PeerId& id, std::vector<std::uint64_t> tokens);
   // Of its newest status: its wall clock when it was sent, the own one when it came.
   void set_status_stamps(const PeerId& id, TimeNs sent_ns, TimeNs received_ns);
   void remove(const PeerId& id);
+
+  struct Silence {
+    bool doubt = false;  // somebody is to be asked, once until it is heard again
+    bool gone = false;   // somebody is no longer there
+  };
+  [[nodiscard]] Silence check_silence(const SilenceLimits& limits, Time now);
+  // Nothing while nobody is there.
+  [[nodiscard]] std::optional<Time> next_check(const SilenceLimits& limits, Time now) const;
 
   [[nodiscard]] std::set<std::string> names() const;
   [[nodiscard]] std::string name_of(const PeerId& id) const;  // "unknown" if not told yet
@@ -59,6 +77,8 @@ class PeerTable {
     std::string name;
     std::array<int, kChannels> matches{};
     std::vector<std::uint64_t> hears;
+    std::optional<Time> heard;  // last; nothing before the first check
+    bool doubted = false;
     TimeNs status_sent_ns = 0, status_received_ns = 0;
     bool alive = true;
   };

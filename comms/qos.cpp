@@ -181,12 +181,6 @@ void set_topic(const TopicProfile& topic, const Room& room, Qos& qos) {
   limits.max_samples = limits.max_samples_per_instance * limits.max_instances;
   limits.allocated_samples = 1;
   qos.deadline().period = or_forever(topic.deadline_ms);
-  if (topic.liveliness_ms > 0) {
-    const milliseconds lease(topic.liveliness_ms);
-    qos.liveliness().kind = dds::AUTOMATIC_LIVELINESS_QOS;
-    qos.liveliness().lease_duration = duration(lease);
-    qos.liveliness().announcement_period = duration(lease / 3);
-  }
   qos.data_sharing().off();
 }
 
@@ -222,7 +216,7 @@ std::shared_ptr<UDPv4TransportDescriptor> udp_transport(const LinkConfig& config
 }
 
 dds::DomainParticipantQos participant_qos(const LinkConfig& config,
-                                          const std::shared_ptr<WireCounters>& counters) {
+                                          const std::shared_ptr<Wire>& wire) {
   dds::DomainParticipantQos qos;
   qos.name(("covey/" + config.team + "/" + config.agent).c_str());
   // By default Fast DDS tells everybody the names of host and user.
@@ -230,7 +224,7 @@ dds::DomainParticipantQos participant_qos(const LinkConfig& config,
   set_security(config, qos.properties());
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(
-      std::make_shared<CountingTransportDescriptor>(udp_transport(config), counters));
+      std::make_shared<CountingTransportDescriptor>(udp_transport(config), wire));
   qos.wire_protocol().prefix = fresh_prefix();
   set_discovery(config, qos.wire_protocol());
   set_limits(config, qos.allocation());
@@ -249,6 +243,12 @@ dds::DataWriterQos writer_qos(Kind kind, const LinkConfig& config) {
       duration(milliseconds(topic.nack_response_ms));
   qos.reliable_writer_qos().disable_heartbeat_piggyback = !topic.piggyback;
   qos.lifespan().duration = or_forever(topic.lifespan_ms);
+  // What is written, or said with a heartbeat, is the sign of life itself: nothing is sent besides.
+  // No reader of ours asks for it: whatever a drone says tells them that it is there.
+  if (topic.liveliness_ms > 0) {
+    qos.liveliness().kind = dds::MANUAL_BY_TOPIC_LIVELINESS_QOS;
+    qos.liveliness().lease_duration = duration(milliseconds(topic.liveliness_ms));
+  }
   return qos;
 }
 

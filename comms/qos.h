@@ -33,7 +33,7 @@ namespace covey {
     const LinkConfig& config);
 
 [[nodiscard]] eprosima::fastdds::dds::DomainParticipantQos participant_qos(
-    const LinkConfig& config, const std::shared_ptr<WireCounters>& counters);
+    const LinkConfig& config, const std::shared_ptr<Wire>& wire);
 
 [[nodiscard]] eprosima::fastdds::dds::DataWriterQos writer_qos(Kind kind, const LinkConfig& config);
 

@@ -140,12 +140,13 @@ std::string history(const Qos& qos) {
 template <typename Qos>
 std::string policies(const Qos& qos) {
   const bool reliable = qos.reliability().kind == dds::RELIABLE_RELIABILITY_QOS;
+  const bool manual = qos.liveliness().kind == dds::MANUAL_BY_TOPIC_LIVELINESS_QOS;
   const bool late_joiners = qos.durability().kind == dds::TRANSIENT_LOCAL_DURABILITY_QOS;
   return tag("reliability", tag("kind", reliable ? "RELIABLE" : "BEST_EFFORT") +
                                 time("max_blocking_time", qos.reliability().max_blocking_time)) +
          tag("durability", tag("kind", late_joiners ? "TRANSIENT_LOCAL" : "VOLATILE")) +
          tag("deadline", time("period", qos.deadline().period)) +
-         tag("liveliness", tag("kind", "AUTOMATIC") +
+         tag("liveliness", tag("kind", manual ? "MANUAL_BY_TOPIC" : "AUTOMATIC") +
                                time("lease_duration", qos.liveliness().lease_duration) +
                                time("announcement_period", qos.liveliness().announcement_period)) +
          tag("data_sharing", tag("kind", "OFF"));
@@ -181,7 +182,7 @@ std::string reader(const std::string& topic, const dds::DataReaderQos& qos) {
 
 std::string qos_xml(const LinkConfig& config) {
   check(config);
-  const auto participant_qos = covey::participant_qos(config, std::make_shared<WireCounters>());
+  const auto participant_qos = covey::participant_qos(config, std::make_shared<Wire>());
   std::string profiles = tag("transport_descriptors", "\n" + transport(*udp_transport(config))) +
                          participant(config, participant_qos);
   const std::pair<const char*, Kind> topics[] = {{"request", Kind::kRequest},

@@ -38,7 +38,11 @@ class CycloneFlight : public testing::Test {
   [[nodiscard]] std::vector<std::string> agent(const std::string& drone) {
     const json settings = {
         {"agent", {{"pace", "rate"}, {"wait_for_peers", 1}, {"image_queue", 1000}}},
-        {"link", {{"team", team_.team}, {"domain", team_.domain}}}};
+        {"link",
+         {{"team", team_.team},
+          {"domain", team_.domain},
+          // docs/link.md: otherwise Cyclone skips each drone's first answer.
+          {"override", {{"message.piggyback", false}}}}}};
     return {"agent",
             "--config",
             folder_.write(drone + ".json", settings.dump()).string(),

@@ -74,8 +74,12 @@ TEST_F(Lab, FliesRealAgentsOverALossyLinkAndNothingTwice) {
 }
 
 TEST_F(Lab, DronesThatOnlyMeetMayShareARecording) {
-  CoveyProcess covey(
-      command({{"name", "test"}, {"fly", false}, {"hold_s", 0.5}, {"drones", 3}, {"delay_ms", 5}}));
+  CoveyProcess covey(command({{"name", "test"},
+                              {"fly", false},
+                              {"settle_s", 0.1},
+                              {"hold_s", 0.5},
+                              {"drones", 3},
+                              {"delay_ms", 5}}));
   ASSERT_EQ(covey.finish(), 0) << covey.output();
   const json figures = summary()["cells"][0]["figures"];
   EXPECT_GT(figures["met_after_s"], 0);

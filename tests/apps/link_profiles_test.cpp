@@ -141,6 +141,8 @@ TEST(LinkProfiles, ValuesThatContradictEachOtherAreRefused) {
               HasSubstr("odometry.history all needs reliability"));
   EXPECT_THAT(complaint_about_override("discovery.lease_ms", "1500"),
               HasSubstr("discovery.lease_ms is below twice announcement_ms"));
+  EXPECT_THAT(complaint_about_override("discovery.sign_of_life_ms", "1900"),
+              HasSubstr("discovery.sign_of_life_ms is not below status.liveliness_ms"));
   EXPECT_THAT(complaint_about_override("load.link_burst_bytes", "10"),
               HasSubstr("load.link_burst_bytes is below transport.datagram_bytes"));
 }

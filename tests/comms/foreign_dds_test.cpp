@@ -60,7 +60,7 @@ class Stranger : public dds::DataWriterListener, public dds::DataReaderListener 
   Stranger() : config_(team_config("stranger")) {
     participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<dds::DomainId_t>(config_.domain),
-        participant_qos(config_, std::make_shared<WireCounters>()));
+        participant_qos(config_, std::make_shared<Wire>()));
     if (participant_ == nullptr) throw std::runtime_error("no participant");
   }
   ~Stranger() override {

@@ -93,7 +93,7 @@ TEST(LinkState, AStatusThatOnlyRepeatsItselfIsDeliveredOnce) {
 // A status goes there in 40 ms, waits for 460 ms, and the peer's comes back in 40 ms.
 TEST(LinkState, TheClockOfAPeerIsKnownOnceStatusesWentBothWays) {
   TimeNs now_ns = 1'000'000'000'000;
-  LinkState state("uav0", 8, [&] { return now_ns; });
+  LinkState state("uav0", 8, {}, [&] { return now_ns; });
   PeerId own_id{};
   own_id[0] = 99;
   state.set_own_id(own_id);
@@ -123,7 +123,7 @@ TEST(LinkState, TheClockOfAPeerIsKnownOnceStatusesWentBothWays) {
 
 TEST(LinkState, TheOwnStatusSaysWhenThoseOfItsPeersCame) {
   TimeNs now_ns = 1'000'000'000'000;
-  LinkState state("uav0", 8, [&] { return now_ns; });
+  LinkState state("uav0", 8, {}, [&] { return now_ns; });
   for (std::size_t i = 0; i < kChannels; ++i)
     state.change_matches(uav1_id(), static_cast<Channel>(i), +1);
   state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {}, 77}), uav1_id());
@@ -156,6 +156,50 @@ TEST(LinkState, AWaitForTheInboxEndsWhenEnoughHasArrived) {
   EXPECT_FALSE(state.wait_for_inbox({2, 2}, milliseconds(1)));
 }
 
+void link(LinkState& state, const PeerId& own, const PeerId& peer) {
+  state.set_own_id(own);
+  state.enter_participant(peer);
+  state.name_peer(peer, "uav1");
+  for (std::size_t i = 0; i < kChannels; ++i)
+    state.change_matches(peer, static_cast<Channel>(i), +1);
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {{token(own)}}, 0}),
+                peer);
+}
+
+TEST(LinkState, ASilentPeerIsDoubtedThenGoneUntilItIsHeard) {
+  LinkState state("uav0", 8, {{milliseconds(20), milliseconds(40)}, 0});
+  link(state, PeerId{}, uav1_id());
+  const auto later = [] { return std::chrono::steady_clock::now() + seconds(60); };
+  bool doubted = false;
+  while (!state.peers().empty()) doubted |= state.wait_for_housekeeping(later())->doubt;
+  EXPECT_TRUE(doubted);
+  state.hear(uav1_id(), std::chrono::steady_clock::now());
+  EXPECT_EQ(state.peers(), std::set<std::string>{"uav1"});
+}
+
+TEST(LinkState, ATeamIsCompleteOnceAllAreLinkedAndNobodyIsNew) {
+  const auto now = std::chrono::steady_clock::now();
+  LinkState unknown("uav0", 8), larger("uav0", 8, {{}, 2}), state("uav0", 8, {{}, 1});
+  PeerId own{}, newcomer{};
+  own[0] = 7;
+  newcomer[0] = 9;
+  EXPECT_FALSE(state.complete(now));
+  for (LinkState* each : {&unknown, &larger, &state}) link(*each, own, uav1_id());
+  EXPECT_FALSE(unknown.complete(now));
+  EXPECT_FALSE(larger.complete(now));
+  EXPECT_TRUE(state.complete(now));
+  state.hear(uav1_id(), now);
+  state.hear(own, now);
+  EXPECT_TRUE(state.complete(now));
+  state.hear(newcomer, now);
+  EXPECT_FALSE(state.complete(now + seconds(4)));
+  state.enter_participant(newcomer);
+  state.hear(newcomer, now + seconds(4));
+  EXPECT_TRUE(state.complete(now + seconds(6)));
+  state.remove_participant(uav1_id());
+  EXPECT_FALSE(state.complete(now + seconds(6)));
+}
+
 TEST(LinkState, ClosingEndsEveryWait) {
   LinkState state("uav0", 8);
   bool inbox = true, peers = true, housekeeping = true;
@@ -163,7 +207,10 @@ TEST(LinkState, ClosingEndsEveryWait) {
   std::thread b([&] {
     peers = state.wait_for_peers([](const auto& linked) { return !linked.empty(); }, seconds(60));
   });
-  std::thread c([&] { housekeeping = state.wait_for_housekeeping().has_value(); });
+  std::thread c([&] {
+    housekeeping =
+        state.wait_for_housekeeping(std::chrono::steady_clock::now() + seconds(60)).has_value();
+  });
   state.close();
   a.join();
   b.join();

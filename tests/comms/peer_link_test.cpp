@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "comms/config_check.h"
 #include "comms/convert.h"
 #include "tests/comms/samples.h"
 #include "tests/comms/team_config.h"
@@ -273,6 +274,64 @@ TEST(PeerLink, ALinkThatIsDestroyedIsMissedAndItsSuccessorIsFound) {
     ASSERT_TRUE(comes_and_goes.wait_for_inbox({0, 1}, kPatience));
   }
   EXPECT_EQ(stays.statistics().messages_sent_to.at("uav1"), 10u);
+}
+
+bool stays_linked(const PeerLink& link, const std::string& peer, std::chrono::milliseconds time) {
+  const auto start = std::chrono::steady_clock::now();
+  while (std::chrono::steady_clock::now() - start < time) {
+    if (link.peers().count(peer) == 0) return false;
+    std::this_thread::yield();
+  }
+  return true;
+}
+
+LinkConfig config_with_signs(const std::string& agent, int sign_of_life_ms, int liveliness_ms) {
+  LinkConfig config = team_config(agent);
+  config.profile.discovery.sign_of_life_ms = sign_of_life_ms;
+  config.profile.status.liveliness_ms = liveliness_ms;
+  return config;
+}
+
+TEST(PeerLink, DronesWithNothingToSayStayLinked) {
+  PeerLink a(config_with_signs("uav0", 100, 800)), b(config_with_signs("uav1", 100, 800));
+  ASSERT_TRUE(a.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(b.wait_for_peers({"uav0"}, kPatience));
+  EXPECT_TRUE(stays_linked(a, "uav1", std::chrono::milliseconds(1200)));
+}
+
+// The other one would say nothing for 10 s.
+TEST(PeerLink, ASilentPeerIsMadeToAnswer) {
+  PeerLink asks(config_with_signs("uav0", 50, 500)),
+      silent(config_with_signs("uav1", 10'000, 20'000));
+  ASSERT_TRUE(asks.wait_for_peers({"uav1"}, kPatience));
+  const std::uint64_t before = asks.statistics().status.sent;
+  const auto start = std::chrono::steady_clock::now();
+  while (asks.statistics().status.sent < before + 5 &&
+         std::chrono::steady_clock::now() - start < kPatience)
+    std::this_thread::yield();
+  EXPECT_GE(asks.statistics().status.sent, before + 5);
+  EXPECT_EQ(asks.peers(), std::set<std::string>{"uav1"});
+}
+
+// The next heartbeat of the clock would come after the test.
+TEST(PeerLink, AQuestionIsAcknowledgedWithoutWaitingForAHeartbeat) {
+  LinkConfig config = team_config("uav0");
+  config.profile.request.heartbeat_ms = 200'000;
+  config.profile.request.lifespan_ms = 0;
+  PeerLink asks(config), hears(team_config("uav1"));
+  ASSERT_TRUE(asks.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(asks.send(samples::advert("uav0")));
+  EXPECT_TRUE(asks.flush(kPatience));
+}
+
+TEST(PeerLink, TheSettingsTellHowManyOthersThereAre) {
+  LinkConfig config = team_config("uav0");
+  config.initial_peers = {"127.0.0.1", "10.0.0.2", "10.0.0.3", "10.0.0.2"};
+  EXPECT_EQ(other_drones(config), 0u) << "on loopback they share one address";
+  config.loopback_only = false;
+  EXPECT_EQ(other_drones(config), 2u);
+  config.profile.discovery.ports_per_host = 2;
+  EXPECT_EQ(other_drones(config), 0u);
 }
 
 TEST(PeerLink, ALockstepLinkSaysEverythingBeforeItGoes) {

@@ -70,7 +70,7 @@ TEST(PeerProcesses, AKilledPeerIsMissedAndItsSuccessorIsServed) {
   ASSERT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
   first.kill_and_wait();
 
-  // Nothing tells us but silence: liveliness ends after 1.5 s, and 2 s is the promise.
+  // Nothing tells us but silence: liveliness ends after 1.9 s, and 2 s is the promise.
   const auto start = std::chrono::steady_clock::now();
   while (!link.peers().empty() && std::chrono::steady_clock::now() - start < kPatience)
     std::this_thread::yield();

@@ -7,6 +7,7 @@
 namespace covey {
 namespace {
 
+using std::chrono::milliseconds;
 using testing::ElementsAre;
 using testing::IsEmpty;
 
@@ -74,21 +75,48 @@ TEST(PeerTable, ARestartedDroneOfTheSameNameIsAnotherPeer) {
   EXPECT_THAT(table.heard(), ElementsAre(is(id(2))));
 }
 
-TEST(PeerTable, ADeadPeerIsNotLinkedAndComesBack) {
+TEST(PeerTable, ASilentPeerIsAskedThenGoneAndComesBack) {
   PeerTable table(8);
   table.set_name(id(1), "uav1");
   table.set_hears(id(1), {kOwnToken});
   match_all(table, id(1));
-  table.set_alive(id(1), false);
-  EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
-  table.set_alive(id(1), true);
+  const SilenceLimits limits{milliseconds(100), milliseconds(300)};
+  const PeerTable::Time start{};
+  const auto check = [&](int ms) {
+    const auto silence = table.check_silence(limits, start + milliseconds(ms));
+    return std::pair(silence.doubt, silence.gone);
+  };
+  EXPECT_EQ(check(0), std::pair(false, false)) << "the first look begins the wait";
+  EXPECT_EQ(table.next_check(limits, start), start + milliseconds(100));
+  EXPECT_FALSE(table.hear(id(1), start + milliseconds(50)));
+  EXPECT_EQ(check(149), std::pair(false, false));
+  EXPECT_EQ(check(150), std::pair(true, false));
+  EXPECT_EQ(check(349), std::pair(false, false)) << "asked once";
+  EXPECT_EQ(table.next_check(limits, start), start + milliseconds(350));
   EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+  EXPECT_EQ(check(350), std::pair(false, true));
+  EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
+  EXPECT_EQ(check(1000), std::pair(false, false)) << "lost once";
+  EXPECT_EQ(table.next_check(limits, start), std::nullopt);
+  EXPECT_TRUE(table.hear(id(1), start + milliseconds(1001)));
+  EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
+  EXPECT_EQ(check(1101), std::pair(true, false)) << "asked again";
+}
+
+TEST(PeerTable, WhoIsNotMatchedIsNotAsked) {
+  PeerTable table(8);
+  table.set_name(id(1), "uav1");
+  const SilenceLimits limits{milliseconds(100), milliseconds(300)};
+  const PeerTable::Time start{};
+  (void)table.check_silence(limits, start);
+  EXPECT_FALSE(table.check_silence(limits, start + milliseconds(200)).doubt);
+  EXPECT_EQ(table.next_check(limits, start), start + milliseconds(300));
 }
 
 TEST(PeerTable, LosingAMatchAfterTheParticipantEntersNobody) {
   PeerTable table(8);
   table.change_matches(id(1), Channel::kRequestIn, -1);
-  table.set_alive(id(1), true);
+  EXPECT_FALSE(table.hear(id(1), PeerTable::Time()));
   EXPECT_EQ(table.name_of(id(1)), "unknown");
   table.change_matches(id(1), Channel::kRequestIn, +1);
   table.change_matches(id(1), Channel::kRequestIn, -1);

@@ -114,7 +114,7 @@ TEST(QosXml, FastDdsReadsBackWhatALinkUses) {
   }
 
   const auto read = xml.participant();
-  const auto used = participant_qos(config, std::make_shared<WireCounters>());
+  const auto used = participant_qos(config, std::make_shared<Wire>());
   EXPECT_EQ(read.name(), used.name());
   EXPECT_TRUE(read.allocation() == used.allocation());
   ASSERT_EQ(used.properties().properties().size(), 10u);  // three plugins, seven files

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <vector>
 
 namespace covey {
@@ -61,6 +63,51 @@ TEST(RtpsCheck, EveryTruncationIsReadWithinItsBounds) {
     const Datagram cut(whole.begin(), whole.begin() + static_cast<long>(size));
     EXPECT_EQ(accepts(cut), size == 20 || size == 32) << size;
   }
+}
+
+Datagram data_of(std::array<std::uint8_t, 4> writer, std::uint8_t flags) {
+  Datagram out = submessage(kData, 24);
+  out[1] = flags;
+  std::copy(writer.begin(), writer.end(), out.begin() + 12);
+  return out;
+}
+
+constexpr std::array<std::uint8_t, 4> kAnnouncer = {0, 1, 0, 0xc2},
+                                      kTopicAnnouncer = {0, 0, 3, 0xc2};
+constexpr std::uint8_t kWithData = 0x05, kKeyOnly = 0x09;
+
+bool announces(const Datagram& datagram) {
+  return is_announcement(datagram.data(), datagram.size());
+}
+
+TEST(RtpsCheck, AnAnnouncementIsToldFromAllElse) {
+  const Datagram announcement = data_of(kAnnouncer, kWithData);
+  EXPECT_TRUE(announces(message({announcement})));
+  EXPECT_TRUE(
+      announces(message({submessage(kInfoTs, 8), announcement, submessage(kStatistics, 56)})));
+  EXPECT_FALSE(announces(message({})));
+  EXPECT_FALSE(announces(message({data_of(kAnnouncer, kKeyOnly)}))) << "a farewell";
+  EXPECT_FALSE(announces(message({data_of(kTopicAnnouncer, kWithData)})));
+  EXPECT_FALSE(announces(message({announcement, data_of(kTopicAnnouncer, kWithData)})));
+  EXPECT_FALSE(announces(message({announcement, submessage(0x07, 28)}))) << "a heartbeat as well";
+  const Datagram whole = message({announcement});
+  for (std::size_t size = 20; size < 36; ++size)
+    EXPECT_FALSE(is_announcement(whole.data(), size)) << size;
+}
+
+TEST(RtpsCheck, OnlyStatisticsAreCutOff) {
+  const auto plain = [](const Datagram& m) { return size_without_statistics(m.data(), m.size()); };
+  EXPECT_EQ(plain(message({submessage(kData, 24), submessage(kStatistics, 56)})), 48u);
+  EXPECT_EQ(plain(message({submessage(kData, 24)})), 48u);
+  EXPECT_EQ(plain(message({{kData, 1, 0, 0, kStatistics, 1, 0, 0}})), 28u) << "up to the end";
+  EXPECT_EQ(plain(message({{kData, 1}})), 22u);
+}
+
+TEST(RtpsCheck, TheSenderStandsInTheHeader) {
+  Datagram datagram = message({});
+  for (std::uint8_t i = 0; i < 12; ++i) datagram[8U + i] = i;
+  EXPECT_EQ(sender_of(datagram.data()),
+            (std::array<std::uint8_t, 12>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
 }  // namespace
