@@ -37,28 +37,6 @@ std::unique_ptr<DatagramSocket> own_socket(const CountingTransportDescriptor& de
   return std::make_unique<DatagramSocket>(from, udp->sendBufferSize);
 }
 
-// A walk over destinations that remembers how many datagrams it made: one for each destination.
-class CountedWalk : public LocatorsIterator {
- public:
-  // A socket that is there for multicast alone passes over all other destinations.
-  CountedWalk(LocatorsIterator& walk, bool only_multicast)
-      : walk_(walk), only_multicast_(only_multicast) {}
-  LocatorsIterator& operator++() override {
-    if (!only_multicast_ || IPLocator::isMulticast(*walk_)) ++datagrams_;
-    ++walk_;
-    return *this;
-  }
-  bool operator==(const LocatorsIterator& other) const override { return walk_ == other; }
-  bool operator!=(const LocatorsIterator& other) const override { return walk_ != other; }
-  const Locator_t& operator*() const override { return *walk_; }
-  [[nodiscard]] std::uint64_t datagrams() const { return datagrams_; }
-
- private:
-  LocatorsIterator& walk_;
-  const bool only_multicast_;
-  std::uint64_t datagrams_ = 0;
-};
-
 class CountingTransport : public ChainingTransport {
  public:
   explicit CountingTransport(const CountingTransportDescriptor& descriptor)

@@ -12,8 +12,8 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return Eigen::AngleAxisd(Eigen::Matrix3d(a.linear().transpose() * b.linear())).angle();
 }
 
-double way(const KeyframePose& from, const KeyframePose& to) {
-  return (to.T_world_cam.translation() - from.T_world_cam.translation()).norm();
+double way_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return (a.translation() - b.translation()).norm();
 }
 
 struct InverseDepth {
@@ -40,7 +40,7 @@ CameraView view_of(const Keyframe& keyframe) {
 }
 
 double view_difference(const CameraView& a, const CameraView& b) {
-  const double baseline = (a.T_world_cam.translation() - b.T_world_cam.translation()).norm();
+  const double baseline = way_between(a.T_world_cam, b.T_world_cam);
   return 2 * baseline / (a.mean_depth + b.mean_depth) + angle_between(a.T_world_cam, b.T_world_cam);
 }
 
@@ -60,7 +60,7 @@ std::optional<double> mean_depth(const std::vector<TrackDepth>& depths, double m
 bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns,
                  const Eigen::Isometry3d& T_world_cam, double mean_depth) {
   if (seconds_between(last.pose.stamp_ns, stamp_ns) < rule.min_interval_s) return false;
-  const double baseline = (T_world_cam.translation() - last.pose.T_world_cam.translation()).norm();
+  const double baseline = way_between(T_world_cam, last.pose.T_world_cam);
   return baseline > rule.baseline_over_depth * mean_depth ||
          angle_between(last.pose.T_world_cam, T_world_cam) > rule.rotation;
 }
@@ -80,10 +80,10 @@ void refine_depths(Keyframe& older, const Keyframe& newer) {
     feature.inverse_depth_sigma = depth->sigma;
     ++refined;
   }
-  const bool mostly = 2 * refined > known;
-  if (mostly && way(older.pose, newer.pose) > way(older.pose, older.before)) {
-    older.before = newer.pose;
-  }
+  const Eigen::Isometry3d& here = older.pose.T_world_cam;
+  const bool longer =
+      way_between(here, newer.pose.T_world_cam) > way_between(here, older.before.T_world_cam);
+  if (2 * refined > known && longer) older.before = newer.pose;
 }
 
 KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
