@@ -58,13 +58,20 @@ void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
   }
   std::optional<ThermalTruthWriter> truth;
   if (plan.thermal) truth.emplace(mav0);
+  std::vector<fs::path> files;
   for (const TimeNs stamp_ns : drone.image_stamps()) {
     if (stop) return;
+    files.push_back(list.add(stamp_ns));
+    ++images_done;
+    if (const std::size_t twin = drone.first_seen(files.size() - 1); twin + 1 < files.size()) {
+      fs::create_hard_link(files[twin], files.back());
+      drone.skip_images(1);
+      continue;
+    }
     const SimulatedImage image = drone.next_image();
-    write_png(list.add(stamp_ns).string(), image.grey);
+    write_png(files.back().string(), image.grey);
     if (raw_list) write_png(raw_list->add(stamp_ns).string(), image.raw16);
     if (truth) truth->write(stamp_ns, *drone.thermal_truth());
-    ++images_done;
   }
   list.close();
   if (raw_list) raw_list->close();
@@ -182,6 +189,12 @@ void add_simulate_command(CLI::App& covey) {
       ->check(CLI::Range(1, 64));
   command->add_option("--seconds", request.duration_s, "Length (default: the scenario's)")
       ->check(CLI::Range(1.0, 3600.0));
+  command
+      ->add_option("--legs", request.legs,
+                   "Fly there and back along the same path, so often one way, each --seconds long: "
+                   "hours of flight for the images of one leg")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
   command->add_option("--rate", request.camera_rate_hz, "Images per second")
       ->capture_default_str()
       ->check(CLI::Range(1.0, 200.0));

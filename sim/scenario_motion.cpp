@@ -141,6 +141,7 @@ struct Drone {
   int agents = 1;
   double duration_s = 0;
   double nominal_s = 0;  // the scenario's own duration, which sets the speed
+  int legs = 1;
 
   // Evenly spread over 0..1, the middle of the drone's share.
   [[nodiscard]] double share() const { return (index + 0.5) / agents; }
@@ -150,9 +151,26 @@ FlatOutput operator+(const FlatOutput& a, const FlatOutput& b) {
   return {a.p_world_imu + b.p_world_imu, a.yaw + b.yaw};
 }
 
+// The path, walked to its end in `leg_s`, back in the same time, and again: the pose at a time is
+// that at the same time before or after a turn.
+FlatPath there_and_back(const FlatPath& path, double leg_s) {
+  const SpeedProfile clock{0, 2.0, 1.0};  // of the path's own time
+  const double half = clock.distance(leg_s / 2);
+  return [=](double t) {
+    const double in_round = t - 2 * leg_s * std::floor(t / (2 * leg_s));
+    const double from_start = std::min(in_round, 2 * leg_s - in_round);
+    return path(from_start < leg_s / 2 ? clock.distance(from_start)
+                                       : 2 * half - clock.distance(leg_s - from_start));
+  };
+}
+
 DronePlan plan(const Drone& drone, const FlatPath& path, const CameraExtrinsics& extrinsics) {
-  return {"uav" + std::to_string(drone.index), Trajectory::multirotor(path, drone.duration_s),
-          extrinsics};
+  const std::string name = "uav" + std::to_string(drone.index);
+  if (drone.legs == 1) return {name, Trajectory::multirotor(path, drone.duration_s), extrinsics};
+  return {
+      name,
+      Trajectory::multirotor(there_and_back(path, drone.duration_s), drone.legs * drone.duration_s),
+      extrinsics};
 }
 
 // A lap of 220 m at its own height and from its own start, sideways, the castle in view.
@@ -288,11 +306,16 @@ std::vector<DronePlan> plan_flights(const FlightRequest& request) {
   if (request.duration_s != 0 && !(request.duration_s >= kShortest_s)) {
     throw std::runtime_error("simulate: a flight must last at least 1 s");
   }
-  if (!request.recorded.empty()) return plan_recorded(request);
+  if (request.legs < 1) throw std::runtime_error("simulate: a flight has at least one leg");
+  if (!request.recorded.empty()) {
+    if (request.legs > 1) throw std::runtime_error("simulate: --legs is not for recorded motion");
+    return plan_recorded(request);
+  }
 
   Drone drone;
   drone.agents = request.agents > 0 ? request.agents : default_agents(request.scenario);
   drone.nominal_s = default_duration_s(request.scenario);
+  drone.legs = request.legs;
   drone.duration_s = request.duration_s > 0 ? request.duration_s : drone.nominal_s;
   if (request.lap_m != 0) {
     if (request.scenario != Scenario::kMarsYard || !(request.lap_m >= 5 && request.lap_m <= 100)) {

@@ -28,6 +28,7 @@ struct FlightRequest {
   int agents = 0;         // 0: the scenario's own number (or one for each recorded trajectory)
   double duration_s = 0;  // 0: the scenario's own (or the recorded one)
   double lap_m = 0;  // m, yard: length of everybody's lap, one in the flight; 0: the scenario's
+  int legs = 1;  // so often duration_s, there and back along one path, at rest at both of its ends
   std::vector<Trajectory> recorded;  // flown instead of invented motion, one for each drone
 };
 

@@ -121,6 +121,20 @@ CameraIntrinsics intrinsics_of(bool thermal) {
   return thermal ? thermal_intrinsics() : visual_intrinsics();
 }
 
+// 0 for flights one way.
+std::size_t images_of_leg(const SimulationRequest& request) {
+  if (request.legs <= 1) return 0;
+  if (request.scenario == Scenario::kMarsYard)
+    throw std::runtime_error("simulate: --legs is not for thermal cameras, which change in time");
+  const double leg_s =
+      request.duration_s > 0 ? request.duration_s : default_duration_s(request.scenario);
+  const double images = leg_s * request.camera_rate_hz;
+  if (std::abs(images - std::round(images)) > 1e-6)
+    throw std::runtime_error(
+        "simulate: --legs needs a whole number of images in each: --seconds times --rate");
+  return static_cast<std::size_t>(std::llround(images));
+}
+
 }  // namespace
 
 CameraIntrinsics visual_intrinsics() {
@@ -153,9 +167,12 @@ DroneSimulation::DroneSimulation(Plan plan, std::shared_ptr<const Scene> scene,
   T_imu_cam_.linear() = extrinsics.q_imu_cam.toRotationMatrix();
   T_imu_cam_.translation() = extrinsics.p_imu_cam;
 
-  // Cameras are not triggered by the IMU: every drone has its own phase.
+  // Cameras are not triggered by the IMU: every drone has its own phase. With half an interval,
+  // images lie at the same times before and after a turn.
   Random random(plan_.seed, 401);
-  const double phase_s = random.uniform(0.005, 0.95 / plan_.camera_rate_hz);
+  const double phase_s = plan_.images_of_leg > 0
+                             ? 0.5 / plan_.camera_rate_hz
+                             : random.uniform(0.005, 0.95 / plan_.camera_rate_hz);
   for (std::int64_t k = 0;; ++k) {
     const double time_s = phase_s + static_cast<double>(k) / plan_.camera_rate_hz;
     const TimeNs stamp_ns = plan_.start_ns + nanoseconds(time_s);
@@ -203,6 +220,12 @@ CameraMotion DroneSimulation::motion_at(const KinematicState& state) const {
   return {(R_cam_imu * v_imu).cast<float>(), (R_cam_imu * state.omega_imu).cast<float>()};
 }
 
+std::size_t DroneSimulation::first_seen(std::size_t index) const {
+  if (plan_.images_of_leg == 0) return index;
+  const std::size_t leg = index / plan_.images_of_leg, place = index % plan_.images_of_leg;
+  return leg % 2 == 0 ? place : plan_.images_of_leg - 1 - place;
+}
+
 SimulatedImage DroneSimulation::next_image() {
   const TimeNs stamp_ns = image_stamps_.at(next_++);
   const double since_last_s = 1 / plan_.camera_rate_hz;
@@ -223,8 +246,13 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
   if (!(request.camera_rate_hz >= 1 && request.camera_rate_hz <= 200))
     throw std::runtime_error("simulate: --rate must be 1 to 200 Hz");
   const std::vector<RecordedFlight> recorded = prepare_recorded(request);
-  FlightRequest flights{request.scenario,   request.seed,  request.agents,
-                        request.duration_s, request.lap_m, {}};
+  FlightRequest flights{request.scenario,
+                        request.seed,
+                        request.agents,
+                        request.duration_s,
+                        request.lap_m,
+                        request.legs,
+                        {}};
   for (const RecordedFlight& flight : recorded) flights.recorded.push_back(fly_again(flight));
   const std::vector<DronePlan> plans = plan_flights(flights);
 
@@ -242,6 +270,7 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
                                request.shutter_events,
                                thermal_sensor(request),
                                request.camera_rate_hz,
+                               images_of_leg(request),
                                seed,
                                {},
                                sensor.noise,

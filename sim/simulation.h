@@ -30,6 +30,7 @@ struct SimulationRequest {
   double duration_s = 0;  // s; 0: as the scenario or the recording says
   double camera_rate_hz = 30;
   double lap_m = 0;             // m, see FlightRequest
+  int legs = 1;                 // see FlightRequest; visual cameras only
   bool shutter_events = false;  // thermal cameras only
   double least_span_k = 0;      // K, thermal cameras only: ThermalSensor::min_range_k; 0: its own
   int texture_size = 4096;      // texels; smaller in quick tests
@@ -51,6 +52,7 @@ class DroneSimulation {
     bool shutter_events = false;
     ThermalSensor thermal_sensor;
     double camera_rate_hz = 30;
+    std::size_t images_of_leg = 0;  // of flights there and back; 0: one way
     std::uint64_t seed = 1;
     ImuRecording imu;  // with true biases
     ImuNoise imu_noise;
@@ -67,6 +69,8 @@ class DroneSimulation {
   [[nodiscard]] std::vector<TrueState> true_states() const;  // at the IMU stamps
 
   [[nodiscard]] Eigen::Isometry3d camera_pose(TimeNs stamp_ns) const;  // T_world_cam
+  // The earliest image taken from the same place as image `index`: one on the way there, or itself.
+  [[nodiscard]] std::size_t first_seen(std::size_t index) const;
   [[nodiscard]] SimulatedImage next_image();
   void skip_images(std::size_t count) { next_ += count; }
   // Of the last image; null for a visual camera.

@@ -98,6 +98,29 @@ TEST(SimulateCommand, SameSeedWritesTheSameBytesHoweverThreadsTakeTurns) {
   EXPECT_EQ(compared, 3 * 6);  // images, their list, two calibrations, IMU and truth
 }
 
+TEST(SimulateCommand, ImagesOfTheWayBackAreThoseOfTheWayThere) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "castle";
+  ASSERT_EQ(
+      simulate("castle_parallel --agents 1 --seconds 2 --rate 2 --legs 3 --out " + out.string()),
+      "");
+  const Dataset dataset = read_dataset(find_drones(out)[0].mav0);
+  EXPECT_EQ(dataset.imu.size(), 1201u);
+  ASSERT_EQ(dataset.images.size(), 12u);
+  const auto pixels = [&](std::size_t i) { return bytes(dataset.images[i].path); };
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(pixels(i), pixels(7 - i)) << i;
+    EXPECT_EQ(pixels(i), pixels(8 + i)) << i;
+  }
+  EXPECT_NE(pixels(0), pixels(3));
+  EXPECT_EQ(dataset.images[4].stamp_ns - dataset.images[3].stamp_ns, 500000000);
+
+  const std::string refused = " --legs 2 --out " + (folder.path() / "refused").string();
+  EXPECT_THAT(simulate("castle_parallel --seconds 2 --rate 1.3" + refused), HasSubstr("whole"));
+  EXPECT_THAT(simulate("mars_yard" + refused), HasSubstr("thermal"));
+  EXPECT_EQ(entries(folder.path()), 1u);
+}
+
 TEST(SimulateCommand, KeepsARecordedImuAndItsStamps) {
   const TemporaryFolder folder;
   std::string imu = "#timestamp,wx,wy,wz,ax,ay,az\n";

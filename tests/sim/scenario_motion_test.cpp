@@ -175,12 +175,38 @@ TEST(ScenarioMotion, RecordedTrajectoriesAreFlownOneByEachDrone) {
   EXPECT_THROW(static_cast<void>(plan_flights(request)), std::runtime_error);
 }
 
+TEST(ScenarioMotion, LegsLeadThereAndBackThroughTheSamePosesAndRestAtTheTurns) {
+  FlightRequest request;
+  request.scenario = Scenario::kCastleAround;
+  request.seed = 6;
+  request.legs = 4;
+  constexpr double kLeg_s = 30;
+  for (const DronePlan& plan : plan_flights(request)) {
+    EXPECT_NEAR(plan.trajectory.duration_s(), 4 * kLeg_s, 1e-9);
+    EXPECT_GT(plan.trajectory.length_m(0, kLeg_s), 180);
+    EXPECT_LT(extremes(plan.trajectory).tilt, 40 * kDegree);
+    for (const double turn_s : {kLeg_s, 2 * kLeg_s, 3 * kLeg_s}) {
+      EXPECT_LT(plan.trajectory.at(turn_s).v_world_imu.norm(), 1e-6);
+      EXPECT_LT(plan.trajectory.at(turn_s).omega_imu.norm(), 1e-6);
+      for (double t = 0.05; t < kLeg_s; t += 0.7) {
+        const Pose before = plan.trajectory.pose_at(turn_s - t);
+        const Pose after = plan.trajectory.pose_at(turn_s + t);
+        ASSERT_LT((before.p_world_imu - after.p_world_imu).norm(), 1e-6) << turn_s << " +- " << t;
+        ASSERT_LT(before.q_world_imu.angularDistance(after.q_world_imu), 1e-5);
+      }
+    }
+  }
+}
+
 TEST(ScenarioMotion, ImpossibleRequestsAreRefused) {
   FlightRequest request;
   request.agents = -1;
   EXPECT_THROW(static_cast<void>(plan_flights(request)), std::runtime_error);
   request.agents = 0;
   request.duration_s = -3;
+  EXPECT_THROW(static_cast<void>(plan_flights(request)), std::runtime_error);
+  request.duration_s = 0;
+  request.legs = 0;
   EXPECT_THROW(static_cast<void>(plan_flights(request)), std::runtime_error);
 }
 
