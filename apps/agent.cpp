@@ -111,7 +111,9 @@ Agent::Agent(const AgentConfig& config)
       odometry_file_(folder_),
       timing_file_(folder_),
       link_file_(folder_),
-      exchange_file_(folder_) {}
+      exchange_file_(folder_) {
+  if (pipeline_.calibration() != nullptr) thermal_file_.emplace(folder_);
+}
 
 cv::Mat Agent::read(const ImageEntry& image) const {
   return read_image(image, dataset_.camera.width, dataset_.camera.height);
@@ -222,6 +224,7 @@ void Agent::write_status(TimeNs stamp_ns) const {
                    {"dropped_by_load", statistics.dropped},
                    {"clocks", to_json(clock_summaries(statistics))},
                    {"link_restarts", statistics.restarts},
+                   {"memory_mib", own_memory_mib()},
                    {"wire_bytes_sent", statistics.wire_bytes_sent},
                    {"wire_bytes_received", statistics.wire_bytes_received}});
 }
@@ -236,6 +239,14 @@ void Agent::write(ImageResult& result, double read_ms, double total_ms) {
   result.timing.total_ms = total_ms;
   timing_file_.write(result.timing);
   if (link_) link_file_.write(link_record(result.timing.stamp_ns));
+  if (result.calibrated) write(result.timing.stamp_ns, *result.calibrated);
+}
+
+void Agent::write(TimeNs stamp_ns, const CalibratedImage& image) {
+  if (image.content != ImageContent::kScene) return;
+  if (image.restarted || chain_ns_ == 0) chain_ns_ = stamp_ns;
+  const GainOffset& map = pipeline_.calibration()->map();
+  thermal_file_->write({stamp_ns, chain_ns_, map.gain, map.offset});
 }
 
 bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds patience) {
@@ -306,9 +317,15 @@ void Agent::handle(const PeerKeyframe& keyframe) {
   }
 }
 
+double Agent::own_memory_mib() const {
+  const double link_kib = link_ ? static_cast<double>(link_->statistics().process_own_kib) : 0.0;
+  return memory_mib("self", "RssAnon").value_or(0) + link_kib / 1024;
+}
+
 AdvancedReply Agent::progress() const {
   AdvancedReply reply;
   reply.reached_ns = last_ns_;
+  reply.memory_mib = own_memory_mib();
   if (link_) {
     const LinkStatistics statistics = link_->statistics();
     reply.requests_sent = statistics.request.sent;
@@ -445,6 +462,10 @@ void Agent::finish() {
   timing_file_.close();
   link_file_.close();
   exchange_file_.close();
+  if (thermal_file_) {
+    thermal_file_->close();
+    if (chain_ns_ != 0) write_field(folder_, pipeline_.calibration()->field());
+  }
   nlohmann::json json = to_json(summary());
   if (link_) json["exchange_details"] = exchange_details();
   json["own_world"] = level_frame_json(pipeline_.own_world());

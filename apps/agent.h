@@ -78,7 +78,9 @@ class Agent {
   void write_status(TimeNs stamp_ns) const;
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
+  void write(TimeNs stamp_ns, const CalibratedImage& image);
   [[nodiscard]] double cpu_s() const;
+  [[nodiscard]] double own_memory_mib() const;  // with the link's process
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
   [[nodiscard]] LinkSummary link_summary() const;
@@ -94,6 +96,8 @@ class Agent {
   TimingWriter timing_file_;
   LinkWriter link_file_;
   ExchangeWriter exchange_file_;
+  std::optional<ThermalWriter> thermal_file_;  // of a calibrated thermal camera
+  TimeNs chain_ns_ = 0;                        // first image of the calibration's chain
 
   std::size_t next_imu_ = 0;
   std::vector<Inbound> taken_;

@@ -125,6 +125,20 @@ std::string distances(const RunData& data) {
          "</div>\n";
 }
 
+// Of drones with thermal cameras.
+std::string calibrations(const RunData& data) {
+  std::string rows;
+  for (std::size_t i = 0; i < data.agents.size(); ++i) {
+    const AgentRun& agent = data.agents[i];
+    if (agent.thermal.empty()) continue;
+    rows += "<h3>" + drone_label(data, i) + "</h3>\n<div class=\"charts three\">\n" +
+            figures(thermal_charts(data, agent));
+    if (!agent.field.empty()) rows += "<figure>" + render_svg(field_map(agent)) + "</figure>\n";
+    rows += "</div>\n";
+  }
+  return rows;
+}
+
 std::string sections(const RunData& data) {
   return section(
              "Errors",
@@ -147,6 +161,10 @@ std::string sections(const RunData& data) {
                                                    [&](const AgentRun& agent) {
                                                      return work_charts(data, agent);
                                                    })) +
+         section("Thermal calibration",
+                 "Gain and offset take an image's grey levels to those of the first image of its "
+                 "chain, which begins anew after a shutter event.",
+                 calibrations(data)) +
          section("Link",
                  "Payload: requests and messages as encoded. Wire: everything the network carried, "
                  "where it was counted. Clocks: a peer's wall clock minus the drone's own, sure to "

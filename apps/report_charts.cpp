@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <functional>
+#include <opencv2/core.hpp>
 
 #include "estimator/initializer.h"
 
@@ -416,6 +418,44 @@ std::vector<Legend> work_legends(const RunData& data) {
         {"SLAM features", "series-b", Shape::kLine},
         {"poses in the window", "series-c", Shape::kLine}}},
       {kUpdateTitle, {{"used", "series-a", Shape::kLine}, {"gated", "series-d", Shape::kLine}}}};
+}
+
+std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent) {
+  if (agent.thermal.empty()) return {};
+  Chart gain = time_chart(data, 3, "gain", "of the chain's first image");
+  Chart offset = time_chart(data, 3, "offset", "grey levels of that image");
+  // A curve for each chain: after a shutter event nothing leads on from what was before.
+  TimeNs chain_ns = 0;
+  for (const ThermalRecord& record : agent.thermal) {
+    for (Chart* chart : {&gain, &offset}) {
+      if (record.chain_ns != chain_ns || chart->curves.empty()) {
+        chart->curves.emplace_back();
+        chart->curves.back().label = chart->title;
+        chart->curves.back().color = "series-a";
+      }
+    }
+    chain_ns = record.chain_ns;
+    const double at_s = seconds(data, record.stamp_ns);
+    gain.curves.back().points.emplace_back(at_s, record.gain);
+    offset.curves.back().points.emplace_back(at_s, record.offset);
+  }
+  return {std::move(gain), std::move(offset)};
+}
+
+HeatMap field_map(const AgentRun& agent) {
+  constexpr double kLeast = 0.1;  // grey levels; less is drawn pale
+  HeatMap map;
+  map.title = "additive field at the end";
+  map.range = std::max(kLeast, cv::norm(agent.field, cv::NORM_INF));
+  for (int y = 0; y < agent.field.rows; ++y) {
+    const auto* row = agent.field.ptr<float>(y);
+    map.rows.emplace_back(row, row + agent.field.cols);
+  }
+  char caption[96];
+  std::snprintf(caption, sizeof caption, "%.2g grey levels either way have the full colour",
+                map.range);
+  map.caption = caption;
+  return map;
 }
 
 std::vector<Chart> link_charts(const RunData& data, const AgentRun& agent) {

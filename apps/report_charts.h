@@ -44,6 +44,10 @@ struct Legend {
 [[nodiscard]] std::vector<Chart> work_charts(const RunData& data, const AgentRun& agent);
 [[nodiscard]] std::vector<Legend> work_legends(const RunData& data);
 
+// Of calibrated thermal cameras.
+[[nodiscard]] std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent);
+[[nodiscard]] HeatMap field_map(const AgentRun& agent);
+
 [[nodiscard]] std::vector<Chart> link_charts(const RunData& data, const AgentRun& agent);
 [[nodiscard]] std::vector<Legend> link_legends();
 

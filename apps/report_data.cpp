@@ -83,6 +83,8 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   agent.covariances = read.if_there(folder / kCovarianceFile, read_covariances);
   agent.timings = read(folder / kTimingsFile, read_timings);
   agent.link = read.if_there(folder / kLinkFile, read_link);
+  agent.thermal = read.if_there(folder / kThermalFile, read_thermal);
+  agent.field = read.if_there(folder / kFieldFile, read_field);
   if (agent.truth.empty()) read.note(name + ": no ground truth, so no errors are shown");
   evaluate(name, read, agent);
   return agent;

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <iterator>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
 
@@ -46,6 +47,7 @@ constexpr CountColumn<LinkRecord> kLinkCounts[] = {
 };
 
 constexpr char kStampColumn[] = "stamp_ns";
+constexpr char kThermalHeader[] = "stamp_ns,chain_ns,gain,offset";
 constexpr char kExchangeHeader[] = "clock_ms,event,peer,keyframe_id";
 // In the order of ExchangeEvent.
 constexpr const char* kEventNames[] = {"asked", "heard", "answered", "fused", "gated", "rejected"};
@@ -159,6 +161,34 @@ void ExchangeWriter::write(const ExchangeRecord& record) {
 
 void ExchangeWriter::close() { file_.close(); }
 
+ThermalWriter::ThermalWriter(const std::filesystem::path& folder)
+    : file_(folder / kThermalFile, kThermalHeader) {}
+
+void ThermalWriter::write(const ThermalRecord& record) {
+  char line[96];
+  std::snprintf(line, sizeof line, "%lld,%lld,%.6g,%.6g", static_cast<long long>(record.stamp_ns),
+                static_cast<long long>(record.chain_ns), record.gain, record.offset);
+  file_.write_line(line);
+}
+
+void ThermalWriter::close() { file_.close(); }
+
+void write_field(const std::filesystem::path& folder, const cv::Mat& field, int columns) {
+  cv::Mat coarse;
+  cv::resize(field, coarse, {columns, columns * field.rows / field.cols}, 0, 0, cv::INTER_AREA);
+  LineWriter file(folder / kFieldFile);
+  char cell[32];
+  for (int y = 0; y < coarse.rows; ++y) {
+    std::string line;
+    for (int x = 0; x < coarse.cols; ++x) {
+      std::snprintf(cell, sizeof cell, "%s%.3g", x > 0 ? "," : "", coarse.at<float>(y, x));
+      line += cell;
+    }
+    file.write_line(line);
+  }
+  file.close();
+}
+
 std::vector<TimingRecord> read_timings(const std::filesystem::path& file) {
   CsvReader reader(file, CsvReader::Separator::kComma);
   Header header(reader);
@@ -210,6 +240,33 @@ std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file) {
     record.keyframe_id = static_cast<std::uint64_t>(reader.integer(keyframe));
   }
   return records;
+}
+
+std::vector<ThermalRecord> read_thermal(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  Header header(reader);
+  const std::size_t stamp = header.column(kStampColumn), chain = header.column("chain_ns"),
+                    gain = header.column("gain"), offset = header.column("offset");
+  std::vector<ThermalRecord> records;
+  while (header.next()) {
+    records.push_back({reader.stamp_from_nanoseconds(stamp), reader.stamp_from_nanoseconds(chain),
+                       reader.number(gain), reader.number(offset)});
+  }
+  return records;
+}
+
+cv::Mat read_field(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  cv::Mat field;
+  while (reader.next()) {
+    if (!field.empty())
+      reader.require_columns(static_cast<std::size_t>(field.cols), "as the first row has");
+    cv::Mat row(1, static_cast<int>(reader.columns()), CV_32FC1);
+    for (int x = 0; x < row.cols; ++x)
+      row.at<float>(0, x) = static_cast<float>(reader.number(static_cast<std::size_t>(x)));
+    field.push_back(row);
+  }
+  return field;
 }
 
 }  // namespace covey

@@ -9,12 +9,15 @@
 //   timings.csv                one line per image: time of each stage, counts
 //   link.csv                   one line per image or second: what went over the link so far
 //   exchange.csv               one line per question and answer: when it was sent or handled
+//   thermal.csv                one line per image of a calibrated thermal camera: gain and offset
+//   thermal_field.csv          its additive field at the end, row by row, grey levels
 //
 // A run with a reference flown alone keeps that in RUN/solo/<agent>/, in the same files.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
@@ -30,6 +33,8 @@ inline constexpr char kGroundTruthFile[] = "groundtruth.tum";
 inline constexpr char kTimingsFile[] = "timings.csv";
 inline constexpr char kLinkFile[] = "link.csv";
 inline constexpr char kExchangeFile[] = "exchange.csv";
+inline constexpr char kThermalFile[] = "thermal.csv";
+inline constexpr char kFieldFile[] = "thermal_field.csv";
 inline constexpr char kSoloFolder[] = "solo";
 
 // One image: milliseconds of CPU time per stage, then counts.
@@ -66,6 +71,13 @@ struct ExchangeRecord {
   std::uint64_t keyframe_id = 0;  // of the question; of the answer where nobody asked
 };
 inline constexpr char kEveryPeer[] = "*";
+
+// From an image's grey levels to those of its chain's first image.
+struct ThermalRecord {
+  TimeNs stamp_ns = 0;
+  TimeNs chain_ns = 0;  // stamp of that image
+  double gain = 1, offset = 0;
+};
 
 // trajectory.tum and trajectory_covariance.csv of one drone, in `folder`.
 class OdometryWriter {
@@ -109,9 +121,24 @@ class ExchangeWriter {
   LineWriter file_;
 };
 
+class ThermalWriter {
+ public:
+  explicit ThermalWriter(const std::filesystem::path& folder);
+  void write(const ThermalRecord& record);
+  void close();
+
+ private:
+  LineWriter file_;
+};
+
+// As coarse as `columns` cells across, each the mean of what lies in it. `field`: CV_32FC1.
+void write_field(const std::filesystem::path& folder, const cv::Mat& field, int columns = 40);
+
 // Columns are found by their names in the header line; a missing one is an error that names it.
 [[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
 [[nodiscard]] std::vector<LinkRecord> read_link(const std::filesystem::path& file);
 [[nodiscard]] std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file);
+[[nodiscard]] std::vector<ThermalRecord> read_thermal(const std::filesystem::path& file);
+[[nodiscard]] cv::Mat read_field(const std::filesystem::path& file);  // CV_32FC1
 
 }  // namespace covey

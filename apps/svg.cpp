@@ -214,6 +214,33 @@ std::string render_svg(const Chart& chart) {
          "\">" + axes(chart, plot) + inner + rectangle(plot, "frame") + "</svg>\n";
 }
 
+std::string render_svg(const HeatMap& map) {
+  if (map.rows.empty() || map.rows.front().empty()) return "";
+  constexpr double kTitleHeight = 24, kCaptionHeight = 20, kRim = 8;
+  const double side = (map.width_px - 2 * kRim) / static_cast<double>(map.rows.front().size());
+  const double height = side * static_cast<double>(map.rows.size());
+  std::string cells;
+  for (std::size_t y = 0; y < map.rows.size(); ++y) {
+    for (std::size_t x = 0; x < map.rows[y].size(); ++x) {
+      const double share = std::clamp(map.rows[y][x] / map.range, -1.0, 1.0);
+      cells += "<rect x=\"" + pixels(kRim + side * static_cast<double>(x)) + "\" y=\"" +
+               pixels(kTitleHeight + side * static_cast<double>(y)) + "\" width=\"" + pixels(side) +
+               "\" height=\"" + pixels(side) + "\" fill=\"var(--" +
+               (share > 0 ? map.above : map.below) + ")\" fill-opacity=\"" +
+               fixed(std::abs(share), 2) + "\"/>";
+    }
+  }
+  const auto text = [&](double y, const char* kind, const std::string& words) {
+    return "<text class=\"" + std::string(kind) + "\" x=\"" + pixels(kRim) + "\" y=\"" + pixels(y) +
+           "\">" + escape_html(words) + "</text>";
+  };
+  return "<svg class=\"chart\" role=\"img\" aria-label=\"" + escape_html(map.title) +
+         "\" viewBox=\"0 0 " + pixels(map.width_px) + " " +
+         pixels(kTitleHeight + height + kCaptionHeight) + "\">" +
+         text(kTitleHeight - kRim, "title", map.title) + cells +
+         text(kTitleHeight + height + kCaptionHeight - kRim / 2, "", map.caption) + "</svg>\n";
+}
+
 std::string escape_html(const std::string& text) {
   std::string escaped;
   for (const char c : text) {

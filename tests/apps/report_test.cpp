@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <regex>
 #include <stdexcept>
 
@@ -135,6 +136,29 @@ TEST_F(Report, DrawsEverySectionForEveryDrone) {
   // Three views; for each of two drones a distance, four channels, three of work, three of the
   // link.
   EXPECT_EQ(count(html, "class=\"chart\""), 3u + 2 * (1 + 4 + 3 + 3));
+}
+
+TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
+  EXPECT_THAT(drawn(), Not(HasSubstr("Thermal calibration")));
+  ThermalWriter writer(run() / "uav1");
+  for (int i = 0; i < kImages; ++i) {
+    const TimeNs chain_ns = stamp_of(i < 40 ? 0 : 40);
+    writer.write({stamp_of(i), chain_ns, 1 + 0.01 * (i % 40), 3.0 - i});
+  }
+  writer.close();
+  cv::Mat field(64, 80, CV_32FC1, cv::Scalar(-0.5));
+  field(cv::Rect(0, 0, 40, 64)) = 2;
+  write_field(run() / "uav1", field);
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<h2>Thermal calibration</h2>"));
+  EXPECT_EQ(count(html, ">gain</text>"), 1u) << "of the one drone that has it";
+  EXPECT_THAT(html, HasSubstr("2 grey levels either way"));
+  EXPECT_EQ(count(html, "fill-opacity=\"1.00\""), 20u * 32);
+  EXPECT_EQ(count(html, "fill-opacity=\"0.25\""), 20u * 32);
+  EXPECT_EQ(read_thermal(run() / "uav1" / kThermalFile).back().chain_ns, stamp_of(40));
+
+  std::ofstream(run() / "uav1" / kFieldFile) << "1,2\n3\n";
+  EXPECT_THAT(drawn(), HasSubstr("thermal_field.csv:2"));
 }
 
 TEST_F(Report, IsSelfContained) {
