@@ -50,7 +50,8 @@ Json message(const AdvancedReply& r) {
           {"done", r.done},
           {"reached_ns", r.reached_ns},
           {"requests_sent", r.requests_sent},
-          {"messages_sent_to", r.messages_sent_to}};
+          {"messages_sent_to", r.messages_sent_to},
+          {"memory_mib", r.memory_mib}};
 }
 
 Command command_from(const Json& json) {
@@ -81,7 +82,8 @@ Reply reply_from(const Json& json) {
   if (kind == "advanced") {
     return AdvancedReply{json.at("done").get<bool>(), json.at("reached_ns").get<TimeNs>(),
                          json.at("requests_sent").get<std::uint64_t>(),
-                         json.at("messages_sent_to").get<std::map<std::string, std::uint64_t>>()};
+                         json.at("messages_sent_to").get<std::map<std::string, std::uint64_t>>(),
+                         json.at("memory_mib").get<double>()};
   }
   throw std::runtime_error("unknown reply '" + kind + "'");
 }

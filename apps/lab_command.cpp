@@ -57,6 +57,7 @@ fs::path simulated(const LabExperiment& experiment, const fs::path& out) {
                static_cast<unsigned long long>(experiment.scenario_seed));
   ChildProcess simulate = ChildProcess::start_self(
       {"covey", "simulate", experiment.scenario, "--seed", std::to_string(experiment.scenario_seed),
+       "--legs", std::to_string(experiment.legs), "--rate", std::to_string(experiment.rate),
        "--force", "--out", folder.string()});
   while (true) {
     const auto end = simulate.ended(std::chrono::milliseconds(200));

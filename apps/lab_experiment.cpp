@@ -266,7 +266,10 @@ LabExperiment experiment_from_json(const Json& json, const std::string& file) {
   object.text("dataset", experiment.dataset);
   object.text("scenario", experiment.scenario);
   object.count("scenario_seed", experiment.scenario_seed, {0, 1e9});
+  object.count("legs", experiment.legs, {1, 1000});
+  object.number("rate", experiment.rate, {1, 200});
   object.flag("fly", experiment.fly);
+  object.flag("alone", experiment.alone);
   object.number("settle_s", experiment.settle_s, kTime_s);
   object.number("hold_s", experiment.hold_s, kTime_s);
   object.number("pace", experiment.pace, {0.01, 100});

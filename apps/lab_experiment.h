@@ -52,7 +52,10 @@ struct LabExperiment {
   std::string dataset;   // folder; else
   std::string scenario;  // is simulated
   std::uint64_t scenario_seed = 1;
+  int legs = 1;         // as covey simulate --legs
+  double rate = 30;     // as --rate
   bool fly = true;      // false: the drones only meet
+  bool alone = true;    // false: no drone flies alone first, nothing is compared with that
   double settle_s = 0;  // and then stay in touch so long, uncounted
   double hold_s = 10;   // and so long, counted
   double pace = 1;      // times real time

@@ -197,12 +197,14 @@ Figure ratio(const Figure& part, const Figure& whole) {
   return share(*part, *whole);
 }
 
-void judge_accuracy(const RunSummary& together, const RunSummary& alone, LabFigures& figures) {
+void judge_accuracy(const RunSummary& together, const std::optional<RunSummary>& alone,
+                    LabFigures& figures) {
   figures.ate_m = mean_error(together, &AccuracySummary::se3);
-  figures.ate_alone_m = mean_error(alone, &AccuracySummary::se3);
-  figures.ate_ratio = ratio(figures.ate_m, figures.ate_alone_m);
   figures.unaligned_m = mean_error(together, &AccuracySummary::none);
-  figures.unaligned_alone_m = mean_error(alone, &AccuracySummary::none);
+  if (!alone) return;
+  figures.ate_alone_m = mean_error(*alone, &AccuracySummary::se3);
+  figures.ate_ratio = ratio(figures.ate_m, figures.ate_alone_m);
+  figures.unaligned_alone_m = mean_error(*alone, &AccuracySummary::none);
   figures.unaligned_ratio = ratio(figures.unaligned_m, figures.unaligned_alone_m);
 }
 
@@ -276,6 +278,25 @@ void judge_kills(const LabFlightResult& flight, LabFigures& figures) {
 
 }  // namespace
 
+Figure memory_growth(const std::vector<LabMemory>& memory) {
+  constexpr double kShortest_s = 120;
+  double end_s = 0;
+  for (const LabMemory& sample : memory) end_s = std::max(end_s, sample.at_s);
+  if (end_s < kShortest_s) return std::nullopt;
+  std::map<std::string, std::vector<double>> early, late;
+  for (const LabMemory& sample : memory) {
+    if (sample.at_s >= 0.9 * end_s) late[sample.drone].push_back(sample.mib);
+    if (sample.at_s >= 0.2 * end_s && sample.at_s < 0.3 * end_s)
+      early[sample.drone].push_back(sample.mib);
+  }
+  Figure most;
+  for (const auto& [drone, samples] : early) {
+    const Figure growth = ratio(quantile(late[drone], 0.5), quantile(samples, 0.5));
+    if (growth) most = std::max(most.value_or(*growth - 1), *growth - 1);
+  }
+  return most;
+}
+
 const std::vector<LabFigureColumn>& lab_figure_columns() {
   static const std::vector<LabFigureColumn> columns{
       {"met_after_s", &LabFigures::met_after_s},
@@ -316,6 +337,7 @@ const std::vector<LabFigureColumn>& lab_figure_columns() {
       {"met_again_median_s", &LabFigures::met_again_median_s},
       {"met_again_max_s", &LabFigures::met_again_max_s},
       {"longest_silence_s", &LabFigures::longest_silence_s},
+      {"memory_growth", &LabFigures::memory_growth},
       {"ended_early", &LabFigures::ended_early},
       {"shared_memory_left", &LabFigures::shared_memory_left},
   };
@@ -361,16 +383,17 @@ LabFigures judge(const LabEvidence& evidence) {
   LabFigures figures;
   judge_network(evidence.flight, figures);
   figures.ended_early = static_cast<double>(evidence.flight.flight.ended_early.size());
-  if (!evidence.together || !evidence.alone) return figures;
+  if (!evidence.together) return figures;
   if (!evidence.flight.kills.empty()) {
     // Logs of those who were killed end early, and their keyframes count from one again: nothing
     // else could be told from them.
     judge_kills(evidence.flight, figures);
     return figures;
   }
+  figures.memory_growth = memory_growth(evidence.flight.memory);
   judge_payload(*evidence.together, evidence.flight, figures);
   judge_exchange(evidence.exchange, figures);
-  judge_accuracy(*evidence.together, *evidence.alone, figures);
+  judge_accuracy(*evidence.together, evidence.alone, figures);
   judge_partition(evidence, figures);
   return figures;
 }

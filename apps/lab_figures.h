@@ -17,6 +17,8 @@
 namespace covey {
 
 struct LabFlightResult;
+struct LabMemory;
+struct LabMemory;
 
 // Empty: does not apply. Times are of the clock.
 struct LabFigures {
@@ -42,6 +44,9 @@ struct LabFigures {
   // s after its end on; how long after it somebody fused what came from the other side.
   Figure apart_m, apart_alone_m, rejoined_m, rejoined_alone_m, fused_again_s;
   Figure kills, met_again, met_again_median_s, met_again_max_s, longest_silence_s;
+  // Of the drone that grew the most: memory in the last tenth of the flight over that in the tenth
+  // after a first fifth, less 1, medians. Flights of at least two minutes without kills.
+  Figure memory_growth;
   Figure ended_early;         // drones, that nobody had killed
   Figure shared_memory_left;  // segments in /dev/shm that were not there before
 };
@@ -61,6 +66,9 @@ using ExchangeLogs = std::map<std::string, std::vector<ExchangeRecord>>;
 
 // The part that questions and answers tell.
 void judge_exchange(const ExchangeLogs& logs, LabFigures& figures);
+
+// LabFigures::memory_growth; nothing for a flight that is too short.
+[[nodiscard]] LabFigures::Figure memory_growth(const std::vector<LabMemory>& memory);
 
 struct LabEvidence {
   const LabExperiment& experiment;

@@ -34,6 +34,12 @@ struct LabKill {
   std::optional<double> met_again_s;
 };
 
+struct LabMemory {
+  std::string drone;
+  double at_s = 0;  // of the clock, since the start of the flight
+  double mib = 0;   // own memory of the drone and of its link's process
+};
+
 struct LabFlightResult {
   // Drones that were killed on purpose are not among those that ended early.
   FlightResult flight;
@@ -41,7 +47,8 @@ struct LabFlightResult {
   TimeNs first_ns = 0;                // stamp of the first image
   std::optional<double> met_after_s;  // since the last drone's link was open
   std::vector<LabKill> kills;
-  double longest_silence_s = 0;  // of a drone that flew, between two signs of progress
+  std::vector<LabMemory> memory;  // of drones that fly, once a second
+  double longest_silence_s = 0;   // of a drone that flew, between two signs of progress
   // Frames of each drone: until all had met, and from then on (where nobody flies, from when they
   // had settled) until the end.
   std::vector<PortCounts> meeting, together;

@@ -18,6 +18,7 @@
 #include "apps/stop_signal.h"
 #include "apps/team.h"
 #include "apps/team_summary.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -80,7 +81,7 @@ class LabRun {
 
   std::vector<LabOutcome> run() {
     if (experiment_.range.half_range_m > 0) paths_ = read_paths(drones_);
-    if (experiment_.fly) fly_alone();
+    if (experiment_.fly && experiment_.alone) fly_alone();
     for (const LabCell& cell : cells_) {
       if (!fs::exists(folder_of(cell) / kCellFile)) ++progress_.cells;
     }
@@ -251,6 +252,15 @@ RunSummary LabRun::alone(const TeamOptions& team) const {
   return run;
 }
 
+void write_memory(const fs::path& file, const std::vector<LabMemory>& memory) {
+  std::string csv = "drone,at_s,memory_mib\n";
+  for (const LabMemory& sample : memory) {
+    csv +=
+        sample.drone + ',' + std::to_string(sample.at_s) + ',' + std::to_string(sample.mib) + '\n';
+  }
+  write_whole_file(file, csv);
+}
+
 void LabRun::fly(const LabCell& cell) {
   const TeamOptions team = team_of(cell);
   fs::remove_all(team.out);  // of a run that was interrupted
@@ -276,10 +286,11 @@ void LabRun::fly(const LabCell& cell) {
   }
   LabEvidence evidence{experiment_, flight, team.out, {}, {}, {}, alone_folder()};
   if (experiment_.fly) {
+    write_memory(team.out / "memory.csv", flight.memory);
     FlightResult ends = flight.flight;
     for (const LabKill& kill : flight.kills) ends.ended_early.emplace(kill.drone, "was killed");
     evidence.together = summarize_team(team, ends, options_.dataset.filename().string());
-    evidence.alone = alone(team);
+    if (experiment_.alone) evidence.alone = alone(team);
     evidence.exchange = read_exchange_logs(team.out);
   }
   LabFigures figures = judge(evidence);

@@ -34,11 +34,13 @@ TEST(ControlChannel, CommandsAndRepliesSurviveTheWire) {
   advanced.reached_ns = 1'403'715'273'262'142'976;
   advanced.requests_sent = 5;
   advanced.messages_sent_to = {{"uav1", 6}};
+  advanced.memory_mib = 61.5;
   const auto reply = std::get<AdvancedReply>(decode_reply(encode(Reply{advanced})));
   EXPECT_TRUE(reply.done);
   EXPECT_EQ(reply.reached_ns, advanced.reached_ns);
   EXPECT_EQ(reply.requests_sent, 5U);
   EXPECT_EQ(reply.messages_sent_to, advanced.messages_sent_to);
+  EXPECT_EQ(reply.memory_mib, 61.5);
 }
 
 TEST(ControlChannel, AnythingElseIsRefused) {

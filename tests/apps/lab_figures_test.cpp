@@ -114,6 +114,19 @@ TEST(LabFigures, WireBytesAreThoseOfAllDronesPerDroneAndSecond) {
   EXPECT_FALSE(figures.ate_m) << "nobody flew";
 }
 
+TEST(LabFigures, MemoryGrowsAsMuchAsThatOfTheDroneThatGrewMost) {
+  std::vector<LabMemory> memory;
+  for (int at_s = 0; at_s <= 200; ++at_s) {
+    memory.push_back({"flat", double(at_s), at_s < 30 ? 20.0 + at_s : 50.0});
+    memory.push_back({"growing", double(at_s), 40.0 + 0.02 * at_s});
+  }
+  const auto growth = memory_growth(memory);
+  ASSERT_TRUE(growth.has_value());
+  EXPECT_NEAR(*growth, 43.8 / 41.0 - 1, 1e-3);
+  memory.erase(memory.begin() + 200, memory.end());
+  EXPECT_FALSE(memory_growth(memory)) << "100 s say nothing";
+}
+
 TEST(LabFigures, AfterKillsOnlyTellHowTheyMetAgain) {
   LabFlightResult flight;
   flight.meeting.resize(2);
