@@ -245,8 +245,7 @@ void Agent::write(ImageResult& result, double read_ms, double total_ms) {
 void Agent::write(TimeNs stamp_ns, const CalibratedImage& image) {
   if (image.content != ImageContent::kScene) return;
   if (image.restarted || chain_ns_ == 0) chain_ns_ = stamp_ns;
-  const GainOffset& map = pipeline_.calibration()->map();
-  thermal_file_->write({stamp_ns, chain_ns_, map.gain, map.offset});
+  thermal_file_->write({stamp_ns, chain_ns_, pipeline_.calibration()->map()});
 }
 
 bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds patience) {

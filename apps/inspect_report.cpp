@@ -11,6 +11,7 @@
 #include "apps/chart_sheet.h"
 #include "apps/inspect_pictures.h"
 #include "apps/png_file.h"
+#include "apps/report_charts.h"
 #include "apps/report_style.h"
 #include "apps/run_summary.h"
 #include "apps/whole_file.h"
@@ -123,35 +124,22 @@ Chart track_chart(const Inspection& inspection) {
   return chart;
 }
 
-// A curve for each chain: after a shutter event nothing leads on from what was before.
-template <typename Value>
-void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, const Curve& like,
-                const Value& value, Chart& chart) {
-  TimeNs chain_ns = 0;
-  for (const PhotometricRecord& record : records) {
-    if (chart.curves.empty() || record.chain_ns != chain_ns) chart.curves.push_back(like);
-    chain_ns = record.chain_ns;
-    chart.curves.back().points.emplace_back(seconds_between(start_ns, record.stamp_ns),
-                                            value(record.map));
-  }
-}
-
 std::vector<Chart> gain_charts(const Inspection& inspection,
                                const std::optional<ThermalComparison>& compared) {
   const TimeNs start_ns = inspection.dataset.images.front().stamp_ns;
   Curve truth = curve_of("truth", kTruthColor), found = curve_of("estimate", kCalibratedColor);
   truth.dashed = true;
-  const auto draw = [&](const auto& value, Chart chart) {
+  const auto draw = [&](double GainOffset::*value, Chart chart) {
     if (compared) add_chains(compared->true_gains, start_ns, truth, value, chart);
     chart.curves.push_back(found);
     add_chains(inspection.gains, start_ns, found, value, chart);
     return chart;
   };
   std::vector<Chart> charts;
-  charts.push_back(draw([](const GainOffset& map) { return map.gain; },
-                        empty_chart("gain", "time, s", "of the chain's first image")));
-  charts.push_back(draw([](const GainOffset& map) { return map.offset; },
-                        empty_chart("offset", "time, s", "grey levels of that image")));
+  charts.push_back(
+      draw(&GainOffset::gain, empty_chart("gain", "time, s", "of the chain's first image")));
+  charts.push_back(
+      draw(&GainOffset::offset, empty_chart("offset", "time, s", "grey levels of that image")));
   if (compared && !compared->field_rms_over.empty()) {
     Chart chart = empty_chart("error of the field", "time, s", "RMS, of the true field's");
     chart.y_from_zero = true;

@@ -18,7 +18,6 @@ namespace covey {
 
 struct LabFlightResult;
 struct LabMemory;
-struct LabMemory;
 
 // Empty: does not apply. Times are of the clock.
 struct LabFigures {

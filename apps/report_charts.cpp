@@ -420,25 +420,25 @@ std::vector<Legend> work_legends(const RunData& data) {
       {kUpdateTitle, {{"used", "series-a", Shape::kLine}, {"gated", "series-d", Shape::kLine}}}};
 }
 
+void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, const Curve& like,
+                double GainOffset::*value, Chart& chart) {
+  TimeNs chain_ns = 0;
+  for (const PhotometricRecord& record : records) {
+    if (chart.curves.empty() || record.chain_ns != chain_ns) chart.curves.push_back(like);
+    chain_ns = record.chain_ns;
+    chart.curves.back().points.emplace_back(seconds_between(start_ns, record.stamp_ns),
+                                            record.map.*value);
+  }
+}
+
 std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent) {
   if (agent.thermal.empty()) return {};
+  Curve curve;
+  curve.color = "series-a";
   Chart gain = time_chart(data, 3, "gain", "of the chain's first image");
+  add_chains(agent.thermal, data.start_ns, curve, &GainOffset::gain, gain);
   Chart offset = time_chart(data, 3, "offset", "grey levels of that image");
-  // A curve for each chain: after a shutter event nothing leads on from what was before.
-  TimeNs chain_ns = 0;
-  for (const ThermalRecord& record : agent.thermal) {
-    for (Chart* chart : {&gain, &offset}) {
-      if (record.chain_ns != chain_ns || chart->curves.empty()) {
-        chart->curves.emplace_back();
-        chart->curves.back().label = chart->title;
-        chart->curves.back().color = "series-a";
-      }
-    }
-    chain_ns = record.chain_ns;
-    const double at_s = seconds(data, record.stamp_ns);
-    gain.curves.back().points.emplace_back(at_s, record.gain);
-    offset.curves.back().points.emplace_back(at_s, record.offset);
-  }
+  add_chains(agent.thermal, data.start_ns, curve, &GainOffset::offset, offset);
   return {std::move(gain), std::move(offset)};
 }
 

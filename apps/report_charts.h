@@ -44,6 +44,10 @@ struct Legend {
 [[nodiscard]] std::vector<Chart> work_charts(const RunData& data, const AgentRun& agent);
 [[nodiscard]] std::vector<Legend> work_legends(const RunData& data);
 
+// Adds a curve for each chain: after a shutter event nothing leads on from what was before.
+void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, const Curve& like,
+                double GainOffset::*value, Chart& chart);
+
 // Of calibrated thermal cameras.
 [[nodiscard]] std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent);
 [[nodiscard]] HeatMap field_map(const AgentRun& agent);

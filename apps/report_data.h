@@ -25,7 +25,7 @@ struct AgentRun {
   std::vector<StampedCovariance> covariances;
   std::vector<TimingRecord> timings;
   std::vector<LinkRecord> link;
-  std::vector<ThermalRecord> thermal;
+  std::vector<PhotometricRecord> thermal;
   cv::Mat field;  // CV_32FC1, coarse, at the end; empty unless a thermal camera was calibrated
   // The estimates with their truth; empty without one.
   std::vector<PosePair> pairs;

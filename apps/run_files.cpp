@@ -164,10 +164,10 @@ void ExchangeWriter::close() { file_.close(); }
 ThermalWriter::ThermalWriter(const std::filesystem::path& folder)
     : file_(folder / kThermalFile, kThermalHeader) {}
 
-void ThermalWriter::write(const ThermalRecord& record) {
+void ThermalWriter::write(const PhotometricRecord& record) {
   char line[96];
   std::snprintf(line, sizeof line, "%lld,%lld,%.6g,%.6g", static_cast<long long>(record.stamp_ns),
-                static_cast<long long>(record.chain_ns), record.gain, record.offset);
+                static_cast<long long>(record.chain_ns), record.map.gain, record.map.offset);
   file_.write_line(line);
 }
 
@@ -242,15 +242,16 @@ std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file) {
   return records;
 }
 
-std::vector<ThermalRecord> read_thermal(const std::filesystem::path& file) {
+std::vector<PhotometricRecord> read_thermal(const std::filesystem::path& file) {
   CsvReader reader(file, CsvReader::Separator::kComma);
   Header header(reader);
   const std::size_t stamp = header.column(kStampColumn), chain = header.column("chain_ns"),
                     gain = header.column("gain"), offset = header.column("offset");
-  std::vector<ThermalRecord> records;
+  std::vector<PhotometricRecord> records;
   while (header.next()) {
-    records.push_back({reader.stamp_from_nanoseconds(stamp), reader.stamp_from_nanoseconds(chain),
-                       reader.number(gain), reader.number(offset)});
+    records.push_back({reader.stamp_from_nanoseconds(stamp),
+                       reader.stamp_from_nanoseconds(chain),
+                       {reader.number(gain), reader.number(offset)}});
   }
   return records;
 }

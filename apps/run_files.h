@@ -24,6 +24,7 @@
 #include "apps/csv.h"
 #include "apps/trajectory_file.h"
 #include "estimator/measurements.h"
+#include "frontend/temporal_gain.h"
 
 namespace covey {
 
@@ -72,11 +73,10 @@ struct ExchangeRecord {
 };
 inline constexpr char kEveryPeer[] = "*";
 
-// From an image's grey levels to those of its chain's first image.
-struct ThermalRecord {
+struct PhotometricRecord {
   TimeNs stamp_ns = 0;
-  TimeNs chain_ns = 0;  // stamp of that image
-  double gain = 1, offset = 0;
+  TimeNs chain_ns = 0;  // the first image of its chain
+  GainOffset map;       // grey levels to those of that image
 };
 
 // trajectory.tum and trajectory_covariance.csv of one drone, in `folder`.
@@ -124,7 +124,7 @@ class ExchangeWriter {
 class ThermalWriter {
  public:
   explicit ThermalWriter(const std::filesystem::path& folder);
-  void write(const ThermalRecord& record);
+  void write(const PhotometricRecord& record);
   void close();
 
  private:
@@ -138,7 +138,7 @@ void write_field(const std::filesystem::path& folder, const cv::Mat& field, int 
 [[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
 [[nodiscard]] std::vector<LinkRecord> read_link(const std::filesystem::path& file);
 [[nodiscard]] std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file);
-[[nodiscard]] std::vector<ThermalRecord> read_thermal(const std::filesystem::path& file);
+[[nodiscard]] std::vector<PhotometricRecord> read_thermal(const std::filesystem::path& file);
 [[nodiscard]] cv::Mat read_field(const std::filesystem::path& file);  // CV_32FC1
 
 }  // namespace covey

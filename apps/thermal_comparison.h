@@ -8,17 +8,12 @@
 #include <optional>
 #include <vector>
 
+#include "apps/run_files.h"
 #include "apps/thermal_truth_file.h"
 #include "estimator/measurements.h"
 #include "frontend/temporal_gain.h"
 
 namespace covey {
-
-struct PhotometricRecord {
-  TimeNs stamp_ns = 0;
-  TimeNs chain_ns = 0;  // the first image of its chain
-  GainOffset map;       // grey levels to those of that image
-};
 
 struct FieldRecord {
   TimeNs stamp_ns = 0;

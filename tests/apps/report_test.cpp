@@ -143,7 +143,7 @@ TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
   ThermalWriter writer(run() / "uav1");
   for (int i = 0; i < kImages; ++i) {
     const TimeNs chain_ns = stamp_of(i < 40 ? 0 : 40);
-    writer.write({stamp_of(i), chain_ns, 1 + 0.01 * (i % 40), 3.0 - i});
+    writer.write({stamp_of(i), chain_ns, {1 + 0.01 * (i % 40), 3.0 - i}});
   }
   writer.close();
   cv::Mat field(64, 80, CV_32FC1, cv::Scalar(-0.5));
