@@ -47,8 +47,6 @@ constexpr CountColumn<LinkRecord> kLinkCounts[] = {
 };
 
 constexpr char kStampColumn[] = "stamp_ns";
-constexpr char kThermalHeader[] = "stamp_ns,chain_ns,gain,offset";
-constexpr char kExchangeHeader[] = "clock_ms,event,peer,keyframe_id";
 // In the order of ExchangeEvent.
 constexpr const char* kEventNames[] = {"asked", "heard", "answered", "fused", "gated", "rejected"};
 
@@ -59,17 +57,56 @@ ExchangeEvent event_from(const CsvReader& reader, std::string_view name) {
   reader.fail("unknown event '" + std::string(name) + "'");
 }
 
-std::string timing_header() {
+// What a file of each kind of record is called, and how it begins; what a record's line is.
+template <typename Record>
+struct Tag {};
+
+std::string file_of(Tag<TimingRecord>) { return kTimingsFile; }
+std::string header_of(Tag<TimingRecord>) {
   std::string header = kStampColumn;
   for (const TimeColumn& column : kTimeColumns) header += std::string(",") + column.name;
   for (const auto& column : kTimingCounts) header += std::string(",") + column.name;
   return header;
 }
+std::string line_of(const TimingRecord& record) {
+  std::string line = std::to_string(record.stamp_ns);
+  char field[32];
+  for (const TimeColumn& column : kTimeColumns) {
+    std::snprintf(field, sizeof field, ",%.4f", record.*column.ms);
+    line += field;
+  }
+  for (const auto& column : kTimingCounts) line += "," + std::to_string(record.*column.count);
+  return line;
+}
 
-std::string link_header() {
+std::string file_of(Tag<LinkRecord>) { return kLinkFile; }
+std::string header_of(Tag<LinkRecord>) {
   std::string header = kStampColumn;
   for (const auto& column : kLinkCounts) header += std::string(",") + column.name;
   return header;
+}
+std::string line_of(const LinkRecord& record) {
+  std::string line = std::to_string(record.stamp_ns);
+  for (const auto& column : kLinkCounts) line += "," + std::to_string(record.*column.count);
+  return line;
+}
+
+std::string file_of(Tag<ExchangeRecord>) { return kExchangeFile; }
+std::string header_of(Tag<ExchangeRecord>) { return "clock_ms,event,peer,keyframe_id"; }
+std::string line_of(const ExchangeRecord& record) {
+  char clock[32];
+  std::snprintf(clock, sizeof clock, "%.3f", record.clock_ms);
+  return std::string(clock) + "," + kEventNames[static_cast<std::size_t>(record.event)] + "," +
+         record.peer + "," + std::to_string(record.keyframe_id);
+}
+
+std::string file_of(Tag<PhotometricRecord>) { return kThermalFile; }
+std::string header_of(Tag<PhotometricRecord>) { return "stamp_ns,chain_ns,gain,offset"; }
+std::string line_of(const PhotometricRecord& record) {
+  char line[96];
+  std::snprintf(line, sizeof line, "%lld,%lld,%.6g,%.6g", static_cast<long long>(record.stamp_ns),
+                static_cast<long long>(record.chain_ns), record.map.gain, record.map.offset);
+  return line;
 }
 
 // Where each named column is; found once, in the header line.
@@ -122,60 +159,24 @@ void OdometryWriter::close() {
   covariance_.close();
 }
 
-TimingWriter::TimingWriter(const std::filesystem::path& folder)
-    : file_(folder / kTimingsFile, timing_header()) {}
+template <typename Record>
+RunFileWriter<Record>::RunFileWriter(const std::filesystem::path& folder)
+    : file_(folder / file_of(Tag<Record>()), header_of(Tag<Record>())) {}
 
-void TimingWriter::write(const TimingRecord& record) {
-  std::string line = std::to_string(record.stamp_ns);
-  char field[32];
-  for (const TimeColumn& column : kTimeColumns) {
-    std::snprintf(field, sizeof field, ",%.4f", record.*column.ms);
-    line += field;
-  }
-  for (const auto& column : kTimingCounts) line += "," + std::to_string(record.*column.count);
-  file_.write_line(line);
+template <typename Record>
+void RunFileWriter<Record>::write(const Record& record) {
+  file_.write_line(line_of(record));
 }
 
-void TimingWriter::close() { file_.close(); }
+template class RunFileWriter<TimingRecord>;
+template class RunFileWriter<LinkRecord>;
+template class RunFileWriter<ExchangeRecord>;
+template class RunFileWriter<PhotometricRecord>;
 
-LinkWriter::LinkWriter(const std::filesystem::path& folder)
-    : file_(folder / kLinkFile, link_header()) {}
-
-void LinkWriter::write(const LinkRecord& record) {
-  std::string line = std::to_string(record.stamp_ns);
-  for (const auto& column : kLinkCounts) line += "," + std::to_string(record.*column.count);
-  file_.write_line(line);
-}
-
-void LinkWriter::close() { file_.close(); }
-
-ExchangeWriter::ExchangeWriter(const std::filesystem::path& folder)
-    : file_(folder / kExchangeFile, kExchangeHeader) {}
-
-void ExchangeWriter::write(const ExchangeRecord& record) {
-  char clock[32];
-  std::snprintf(clock, sizeof clock, "%.3f", record.clock_ms);
-  file_.write_line(std::string(clock) + "," + kEventNames[static_cast<std::size_t>(record.event)] +
-                   "," + record.peer + "," + std::to_string(record.keyframe_id));
-}
-
-void ExchangeWriter::close() { file_.close(); }
-
-ThermalWriter::ThermalWriter(const std::filesystem::path& folder)
-    : file_(folder / kThermalFile, kThermalHeader) {}
-
-void ThermalWriter::write(const PhotometricRecord& record) {
-  char line[96];
-  std::snprintf(line, sizeof line, "%lld,%lld,%.6g,%.6g", static_cast<long long>(record.stamp_ns),
-                static_cast<long long>(record.chain_ns), record.map.gain, record.map.offset);
-  file_.write_line(line);
-}
-
-void ThermalWriter::close() { file_.close(); }
-
-void write_field(const std::filesystem::path& folder, const cv::Mat& field, int columns) {
+void write_field(const std::filesystem::path& folder, const cv::Mat& field) {
+  constexpr int kColumns = 40;
   cv::Mat coarse;
-  cv::resize(field, coarse, {columns, columns * field.rows / field.cols}, 0, 0, cv::INTER_AREA);
+  cv::resize(field, coarse, {kColumns, kColumns * field.rows / field.cols}, 0, 0, cv::INTER_AREA);
   LineWriter file(folder / kFieldFile);
   char cell[32];
   for (int y = 0; y < coarse.rows; ++y) {

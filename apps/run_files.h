@@ -91,48 +91,24 @@ class OdometryWriter {
   LineWriter covariance_;
 };
 
-class TimingWriter {
+// One line for each record, in the file of its kind.
+template <typename Record>
+class RunFileWriter {
  public:
-  explicit TimingWriter(const std::filesystem::path& folder);
-  void write(const TimingRecord& record);
-  void close();
+  explicit RunFileWriter(const std::filesystem::path& folder);
+  void write(const Record& record);
+  void close() { file_.close(); }
 
  private:
   LineWriter file_;
 };
+using TimingWriter = RunFileWriter<TimingRecord>;
+using LinkWriter = RunFileWriter<LinkRecord>;
+using ExchangeWriter = RunFileWriter<ExchangeRecord>;
+using ThermalWriter = RunFileWriter<PhotometricRecord>;
 
-class LinkWriter {
- public:
-  explicit LinkWriter(const std::filesystem::path& folder);
-  void write(const LinkRecord& record);
-  void close();
-
- private:
-  LineWriter file_;
-};
-
-class ExchangeWriter {
- public:
-  explicit ExchangeWriter(const std::filesystem::path& folder);
-  void write(const ExchangeRecord& record);
-  void close();
-
- private:
-  LineWriter file_;
-};
-
-class ThermalWriter {
- public:
-  explicit ThermalWriter(const std::filesystem::path& folder);
-  void write(const PhotometricRecord& record);
-  void close();
-
- private:
-  LineWriter file_;
-};
-
-// As coarse as `columns` cells across, each the mean of what lies in it. `field`: CV_32FC1.
-void write_field(const std::filesystem::path& folder, const cv::Mat& field, int columns = 40);
+// 40 cells across, each the mean of what lies in it. `field`: CV_32FC1.
+void write_field(const std::filesystem::path& folder, const cv::Mat& field);
 
 // Columns are found by their names in the header line; a missing one is an error that names it.
 [[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
@@ -140,5 +116,10 @@ void write_field(const std::filesystem::path& folder, const cv::Mat& field, int 
 [[nodiscard]] std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file);
 [[nodiscard]] std::vector<PhotometricRecord> read_thermal(const std::filesystem::path& file);
 [[nodiscard]] cv::Mat read_field(const std::filesystem::path& file);  // CV_32FC1
+
+extern template class RunFileWriter<TimingRecord>;
+extern template class RunFileWriter<LinkRecord>;
+extern template class RunFileWriter<ExchangeRecord>;
+extern template class RunFileWriter<PhotometricRecord>;
 
 }  // namespace covey
