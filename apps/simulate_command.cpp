@@ -65,13 +65,12 @@ void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
     if (const std::size_t twin = drone.first_seen(files.size() - 1); twin + 1 < files.size()) {
       fs::create_hard_link(files[twin], files.back());
       drone.skip_images(1);
-      ++images_done;
-      continue;
+    } else {
+      const SimulatedImage image = drone.next_image();
+      write_png(files.back().string(), image.grey);
+      if (raw_list) write_png(raw_list->add(stamp_ns).string(), image.raw16);
+      if (truth) truth->write(stamp_ns, *drone.thermal_truth());
     }
-    const SimulatedImage image = drone.next_image();
-    write_png(files.back().string(), image.grey);
-    if (raw_list) write_png(raw_list->add(stamp_ns).string(), image.raw16);
-    if (truth) truth->write(stamp_ns, *drone.thermal_truth());
     ++images_done;
   }
   list.close();

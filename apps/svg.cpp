@@ -226,7 +226,7 @@ std::string render_svg(const HeatMap& map) {
       cells += "<rect x=\"" + pixels(kRim + side * static_cast<double>(x)) + "\" y=\"" +
                pixels(kTitleHeight + side * static_cast<double>(y)) + "\" width=\"" + pixels(side) +
                "\" height=\"" + pixels(side) + "\" fill=\"var(--" +
-               (share > 0 ? map.above : map.below) + ")\" fill-opacity=\"" +
+               (share > 0 ? "series-d" : "series-a") + ")\" fill-opacity=\"" +
                fixed(std::abs(share), 2) + "\"/>";
     }
   }

@@ -58,13 +58,13 @@ struct Chart {
 // <svg>...</svg>; empty when there is nothing to draw.
 [[nodiscard]] std::string render_svg(const Chart& chart);
 
-// A square for each value, the stronger coloured the further it is from zero.
+// A square for each value, the stronger coloured the further it is from zero: orange above, blue
+// below it.
 struct HeatMap {
   std::string title;
-  std::string caption;                                 // below it: what the colours mean
-  std::string above = "series-d", below = "series-a";  // colours of values over and under zero
-  std::vector<std::vector<double>> rows;               // from the top
-  double range = 1;                                    // that has the full colour
+  std::string caption;                    // below it: what the colours mean
+  std::vector<std::vector<double>> rows;  // from the top
+  double range = 1;                       // that has the full colour
   double width_px = 380;
 };
 [[nodiscard]] std::string render_svg(const HeatMap& map);

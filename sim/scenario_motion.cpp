@@ -165,12 +165,9 @@ FlatPath there_and_back(const FlatPath& path, double leg_s) {
 }
 
 DronePlan plan(const Drone& drone, const FlatPath& path, const CameraExtrinsics& extrinsics) {
-  const std::string name = "uav" + std::to_string(drone.index);
-  if (drone.legs == 1) return {name, Trajectory::multirotor(path, drone.duration_s), extrinsics};
-  return {
-      name,
-      Trajectory::multirotor(there_and_back(path, drone.duration_s), drone.legs * drone.duration_s),
-      extrinsics};
+  const FlatPath flown = drone.legs > 1 ? there_and_back(path, drone.duration_s) : path;
+  return {"uav" + std::to_string(drone.index),
+          Trajectory::multirotor(flown, drone.legs * drone.duration_s), extrinsics};
 }
 
 // A lap of 220 m at its own height and from its own start, sideways, the castle in view.

@@ -245,6 +245,7 @@ SimulatedImage DroneSimulation::next_image() {
 std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
   if (!(request.camera_rate_hz >= 1 && request.camera_rate_hz <= 200))
     throw std::runtime_error("simulate: --rate must be 1 to 200 Hz");
+  const std::size_t leg_images = images_of_leg(request);
   const std::vector<RecordedFlight> recorded = prepare_recorded(request);
   FlightRequest flights{request.scenario,
                         request.seed,
@@ -270,7 +271,7 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
                                request.shutter_events,
                                thermal_sensor(request),
                                request.camera_rate_hz,
-                               images_of_leg(request),
+                               leg_images,
                                seed,
                                {},
                                sensor.noise,
