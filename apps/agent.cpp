@@ -239,13 +239,10 @@ void Agent::write(ImageResult& result, double read_ms, double total_ms) {
   result.timing.total_ms = total_ms;
   timing_file_.write(result.timing);
   if (link_) link_file_.write(link_record(result.timing.stamp_ns));
-  if (result.calibrated) write(result.timing.stamp_ns, *result.calibrated);
-}
-
-void Agent::write(TimeNs stamp_ns, const CalibratedImage& image) {
-  if (image.content != ImageContent::kScene) return;
-  if (image.restarted || chain_ns_ == 0) chain_ns_ = stamp_ns;
-  thermal_file_->write({stamp_ns, chain_ns_, pipeline_.calibration()->map()});
+  if (result.calibrated && result.content == ImageContent::kScene) {
+    thermal_file_->write(
+        {result.timing.stamp_ns, result.calibrated->chain_ns, pipeline_.calibration()->map()});
+  }
 }
 
 bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds patience) {
@@ -324,7 +321,6 @@ double Agent::own_memory_mib() const {
 AdvancedReply Agent::progress() const {
   AdvancedReply reply;
   reply.reached_ns = last_ns_;
-  reply.memory_mib = own_memory_mib();
   if (link_) {
     const LinkStatistics statistics = link_->statistics();
     reply.requests_sent = statistics.request.sent;
@@ -463,7 +459,7 @@ void Agent::finish() {
   exchange_file_.close();
   if (thermal_file_) {
     thermal_file_->close();
-    if (chain_ns_ != 0) write_field(folder_, pipeline_.calibration()->field());
+    write_field(folder_, pipeline_.calibration()->field());
   }
   nlohmann::json json = to_json(summary());
   if (link_) json["exchange_details"] = exchange_details();

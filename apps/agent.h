@@ -58,7 +58,8 @@ class Agent {
   void take_inbox();       // puts aside what has arrived
   void handle_messages();  // in the order of stamp and sender
 
-  [[nodiscard]] AdvancedReply progress() const;
+  [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
+  [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
   // Closes the files and writes the summary.
   void finish();
@@ -78,9 +79,7 @@ class Agent {
   void write_status(TimeNs stamp_ns) const;
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
-  void write(TimeNs stamp_ns, const CalibratedImage& image);
   [[nodiscard]] double cpu_s() const;
-  [[nodiscard]] double own_memory_mib() const;  // with the link's process
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
   [[nodiscard]] LinkSummary link_summary() const;
@@ -97,7 +96,6 @@ class Agent {
   LinkWriter link_file_;
   ExchangeWriter exchange_file_;
   std::optional<ThermalWriter> thermal_file_;  // of a calibrated thermal camera
-  TimeNs chain_ns_ = 0;                        // first image of the calibration's chain
 
   std::size_t next_imu_ = 0;
   std::vector<Inbound> taken_;

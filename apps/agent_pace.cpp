@@ -60,7 +60,9 @@ class Control {
     const double now_ms = steady_ms();
     if (now_ms - shown_ms_ < kProgressInterval_ms) return;
     shown_ms_ = now_ms;
-    say(agent.progress());
+    AdvancedReply sign = agent.progress();
+    sign.memory_mib = agent.own_memory_mib();
+    say(sign);
   }
 
   // Nothing when the flight is to end.

@@ -60,7 +60,7 @@ struct AdvancedReply {
   TimeNs reached_ns = 0;
   std::uint64_t requests_sent = 0;
   std::map<std::string, std::uint64_t> messages_sent_to;
-  double memory_mib = 0;  // own memory of the drone and of its link's process
+  double memory_mib = 0;  // own memory of the drone and its link's process; in signs of progress
 };
 using Reply = std::variant<ReadyReply, MetReply, ReceivedReply, AdvancedReply>;
 

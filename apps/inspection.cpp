@@ -114,16 +114,14 @@ class PhotometricLog {
            const PhotometricCalibration& calibration) {
     if (!result.calibrated || result.content != ImageContent::kScene) return;
     const TimeNs stamp_ns = result.timing.stamp_ns;
-    if (result.calibrated->restarted) {
-      chain_ns_ = stamp_ns;
-      past_.clear();
-    }
-    gains_.push_back({stamp_ns, chain_ns_, calibration.map()});
+    const TimeNs chain_ns = result.calibrated->chain_ns;
+    if (result.calibrated->restarted) past_.clear();
+    gains_.push_back({stamp_ns, chain_ns, calibration.map()});
     const cv::Mat field = calibration.field();
     compare_patches(result, pixels, field);
     if (stamp_ns < next_field_ns_) return;
     next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
-    fields_.push_back({stamp_ns, chain_ns_, field});
+    fields_.push_back({stamp_ns, chain_ns, field});
   }
 
   void move_into(Inspection& inspection) {
@@ -170,7 +168,7 @@ class PhotometricLog {
     if (past_.size() > kResidualLag) past_.pop_back();
   }
 
-  TimeNs chain_ns_ = 0, next_field_ns_ = 0;
+  TimeNs next_field_ns_ = 0;
   std::vector<PhotometricRecord> gains_;
   std::vector<FieldRecord> fields_;
   std::deque<Patches> past_;  // newest first

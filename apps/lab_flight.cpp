@@ -28,7 +28,6 @@ constexpr double kOvertime_s = 60;  // after the last image is due; then an agen
 // Nobody is killed so close to the start of a flight, or started again so close to its end: there
 // is nobody to meet afterwards.
 constexpr double kFirstKill_s = 1, kLastReturn_s = 5;
-constexpr double kMemoryInterval_ms = 1000;
 
 enum class Phase { kStarting, kMeeting, kFlying, kEnded };
 
@@ -38,7 +37,7 @@ struct Member {
   Phase phase = Phase::kStarting;
   bool met = false;
   ReadyReply ready;
-  double ready_ms = 0, met_ms = 0, last_sign_ms = 0, last_memory_ms = 0;
+  double ready_ms = 0, met_ms = 0, last_sign_ms = 0;
   TimeNs reached_ns = 0;
   // Of the life after a kill.
   std::size_t kill = 0;  // index among them
@@ -242,8 +241,6 @@ void LabFlight::accept(std::size_t drone, const Reply& reply) {
     result_.longest_silence_s =
         std::max(result_.longest_silence_s, (now_ms - member.last_sign_ms) * 1e-3);
     member.last_sign_ms = now_ms;
-    if (now_ms - member.last_memory_ms < kMemoryInterval_ms) return;
-    member.last_memory_ms = now_ms;
     result_.memory.push_back(
         {member.config.agent.name, (now_ms - result_.start_ms) * 1e-3, advanced->memory_mib});
   }

@@ -47,7 +47,7 @@ struct LabFlightResult {
   TimeNs first_ns = 0;                // stamp of the first image
   std::optional<double> met_after_s;  // since the last drone's link was open
   std::vector<LabKill> kills;
-  std::vector<LabMemory> memory;  // of drones that fly, once a second
+  std::vector<LabMemory> memory;  // of drones that fly, with every sign of progress
   double longest_silence_s = 0;   // of a drone that flew, between two signs of progress
   // Frames of each drone: until all had met, and from then on (where nobody flies, from when they
   // had settled) until the end.

@@ -193,7 +193,9 @@ LinkStatistics LinkProcess::statistics() const {
   for (KindStatistics* kind : {&here.request, &here.message, &here.status})
     kind->received = kind->payload_bytes_received = 0;
   const std::lock_guard lock(mutex_);
-  return sum(sum(before_, now_), here);
+  LinkStatistics all = sum(sum(before_, now_), here);
+  all.process_own_kib = own_kib_;
+  return all;
 }
 
 // --------------------------------------------------------------------------------- the supervisor
@@ -229,6 +231,7 @@ LinkProcess::End LinkProcess::live(RestartPolicy& policy) {
     policy.started_in_time(life.on_the_air);
     const std::lock_guard lock(mutex_);
     channel_ = nullptr;
+    own_kib_ = 0;
     return end;
   } catch (const std::runtime_error& error) {
     return {"could not be started", error.what()};
@@ -253,9 +256,10 @@ LinkProcess::End LinkProcess::watch(Life& life) {
     life.silence +=
         std::min(duration_cast<milliseconds>(now - std::exchange(seen, now)), 2 * kTick);
     if (life.silence > life.patience) return {"did not report", ""};
-    const auto memory = memory_mib(std::to_string(life.process.pid()), "RssAnon");
-    if (memory.value_or(0) > config_.max_memory_mib)
-      return {"used more than link.max_memory_mib", ""};
+    const double used_mib = memory_mib(std::to_string(life.process.pid()), "RssAnon").value_or(0);
+    if (used_mib > config_.max_memory_mib) return {"used more than link.max_memory_mib", ""};
+    const std::lock_guard lock(mutex_);
+    own_kib_ = static_cast<std::uint64_t>(1024 * used_mib);
   }
 }
 

@@ -108,6 +108,7 @@ class LinkProcess : public Link {
   std::optional<std::string> complaint_;  // of a process that ended before any was
   std::set<std::string> peers_;
   LinkStatistics before_, now_;  // of lives that have ended, of the present one
+  std::uint64_t own_kib_ = 0;    // memory of the present one
 
   std::thread supervisor_;
 };

@@ -140,8 +140,6 @@ void LinkWorker::report() {
   report.statistics.process_cpu_ms = static_cast<std::uint64_t>(1e3 * process_cpu_s());
   report.statistics.process_peak_kib =
       static_cast<std::uint64_t>(1024 * peak_rss_mib().value_or(0));
-  report.statistics.process_own_kib =
-      static_cast<std::uint64_t>(1024 * memory_mib("self", "RssAnon").value_or(0));
   channel_.offer(RecordKind::kReport, encode(report));
   reported_ = steady_clock::now();
 }

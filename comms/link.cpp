@@ -50,7 +50,6 @@ LinkStatistics sum(LinkStatistics before, const LinkStatistics& now) {
   add(before.restarts, now.restarts);
   before.process_cpu_ms += now.process_cpu_ms;
   before.process_peak_kib = std::max(before.process_peak_kib, now.process_peak_kib);
-  before.process_own_kib = now.process_own_kib;
   return before;
 }
 

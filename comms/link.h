@@ -58,12 +58,12 @@ struct LinkStatistics {
   std::map<std::string, std::uint64_t> restarts;
   std::uint64_t process_cpu_ms = 0;
   std::uint64_t process_peak_kib = 0;  // resident memory
-  std::uint64_t process_own_kib = 0;   // its own (anonymous) memory, now
+  std::uint64_t process_own_kib = 0;   // its own (anonymous) memory, now; not summed, not told
 };
 
 // Of a link that was started anew: what the lives before and the present one add up to. Peaks are
-// the higher one, the last error, each clock and what is used now are the later ones. Names beyond
-// a few hundred count together, as "others".
+// the higher one, the last error and each clock are the later ones. Names beyond a few hundred
+// count together, as "others".
 [[nodiscard]] LinkStatistics sum(LinkStatistics before, const LinkStatistics& now);
 
 // How many samples of a kind have arrived since the start, accepted or rejected.

@@ -159,6 +159,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
     result.map = gain_.latest();
     build_table(result.map);
   }
+  result.chain_ns = chain_ns_;
   blind_ = false;
   tone_.adapt(levels(), elapsed_s);
   result.pixels = apply();
@@ -167,6 +168,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
 
 // After the camera looked at its shutter gain, offset and field are others: the chain begins anew.
 void PhotometricCalibration::restart(const cv::Mat& image) {
+  chain_ns_ = stamp_ns_;
   choose_units(image);
   gain_.restart({});
   field_.reset();

@@ -44,8 +44,9 @@ struct CalibratedImage {
   ImageContent content = ImageContent::kScene;
   // The first of a chain: after the camera did not see, or because the chain went astray.
   bool restarted = false;
-  GainOffset map;  // from the image's grey levels to those of the chain's first image
-  cv::Mat pixels;  // CV_8UC1; empty when it shows no scene
+  TimeNs chain_ns = 0;  // stamp of the chain's first image
+  GainOffset map;       // from the image's grey levels to those of the chain's first image
+  cv::Mat pixels;       // CV_8UC1; empty when it shows no scene
 };
 
 class PhotometricCalibration {
@@ -87,7 +88,7 @@ class PhotometricCalibration {
 
   cv::Mat image_;  // the current one, as it came
   bool blind_ = true;
-  TimeNs stamp_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
+  TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
   double centre_ = 0, sigma_ = 1;     // of the chain's first image, grey levels
   std::vector<std::int16_t> table_;   // image's grey level to calibrated level
   cv::Mat bias_;                      // CV_16SC1, the field, calibrated levels

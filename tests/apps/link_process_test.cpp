@@ -195,6 +195,7 @@ TEST(LinkProcess, CarriesWhatALinkCarries) {
   EXPECT_TRUE(peer.send(samples::keyframe("uav1", "uav0")));
   ASSERT_TRUE(link.wait_for_inbox({1, 1}, kPatience));
   EXPECT_EQ(link.arrived().messages, 1U);
+  EXPECT_GT(link.statistics().process_own_kib, 1024U);
 
   link.close();
   const LinkStatistics statistics = link.statistics();
@@ -204,6 +205,7 @@ TEST(LinkProcess, CarriesWhatALinkCarries) {
   EXPECT_EQ(statistics.odometry.sent, 1U);
   EXPECT_GT(statistics.wire_bytes_sent, encode(samples::advert()).size());
   EXPECT_GT(statistics.process_peak_kib, 0U);
+  EXPECT_EQ(statistics.process_own_kib, 0U) << "there is none any more";
   EXPECT_THAT(statistics.restarts, IsEmpty());
   EXPECT_THAT(children_of(getpid()), IsEmpty());
 }
