@@ -21,11 +21,12 @@ endif()
 set(CMAKE_CXX_FLAGS_DEBUG "-O1 -g1 -fno-omit-frame-pointer")
 
 if(COVEY_SANITIZE)
-  # Of wrong pointers the address sanitizer sees the access itself; checking each of them before it
-  # as well doubles the time to build. Integers, indices, shifts, enums and returns are all checked.
+  # Of null pointers, objects that are too small and pointers past the end the address sanitizer sees
+  # the access itself; checking them before it as well takes an eighth to a quarter of the time to
+  # build.
   add_compile_options(
     -fsanitize=${COVEY_SANITIZE} -fno-sanitize-recover=all
-    -fno-sanitize=null,object-size,vptr,alignment,pointer-overflow)
+    -fno-sanitize=null,object-size,pointer-overflow)
   add_link_options(-fsanitize=${COVEY_SANITIZE})
 endif()
 if(CMAKE_BUILD_TYPE STREQUAL "Debug")
