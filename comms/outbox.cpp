@@ -114,7 +114,7 @@ bool Outbox::may_go(const Outgoing& out, std::size_t peers, Time now) {
 }
 
 std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers, Time now) {
-  drone_.spend(static_cast<double>(wire_bytes - std::exchange(wire_bytes_, wire_bytes)), now);
+  spend_drone(static_cast<double>(wire_bytes - std::exchange(wire_bytes_, wire_bytes)), now);
   drop_late(now);
   Place best = waiting_.end();
   for (Place place = waiting_.begin(); place != waiting_.end(); ++place) {
@@ -128,12 +128,21 @@ std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers
   if (const std::size_t left_out = out.receivers.size() - with_room.size(); left_out > 0)
     dropped_[std::string(name_of(out.kind)) + " found no room in time"] += left_out;
   out.receivers = with_room;
-  spend(out, now);
+  spend(out, with_room.empty() ? peers : with_room.size(), now);
   return out;
 }
 
-// The drone's own budget pays what really goes out, when next() hears of it.
-void Outbox::spend(const Outgoing& out, Time now) {
+// What really goes out, whoever sent it: DDS finds peers and repairs by itself.
+void Outbox::spend_drone(double wire_bytes, Time now) {
+  const double own = std::min(wire_bytes, unpaid_);
+  unpaid_ -= own;
+  drone_.spend(own, now);
+  drone_.spend_unasked(wire_bytes - own, now);
+}
+
+// The drone's own budget pays when next() hears of it.
+void Outbox::spend(const Outgoing& out, std::size_t copies, Time now) {
+  unpaid_ += cost(out) * static_cast<double>(copies);
   for (const std::string& peer : out.receivers) bucket_of(peer).spend(cost(out), now);
   if (out.kind == Kind::kMessage || out.kind == Kind::kFullMessage)
     remember(out.receivers, out.keyframe_id);

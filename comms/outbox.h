@@ -69,12 +69,14 @@ class Outbox {
   TokenBucket& bucket_of(const std::string& peer);
   [[nodiscard]] bool holds(const std::string& peer, std::uint64_t keyframe_id) const;
   void remember(const std::set<std::string>& peers, std::uint64_t keyframe_id);
-  void spend(const Outgoing& out, Time now);
+  void spend(const Outgoing& out, std::size_t copies, Time now);
+  void spend_drone(double wire_bytes, Time now);
 
   const LoadProfile load_;
   const bool unlimited_;
   TokenBucket drone_;
   std::uint64_t wire_bytes_ = 0;
+  double unpaid_ = 0;  // let go, and not on the wire yet
   std::map<std::string, TokenBucket> links_;
   std::map<std::string, std::deque<std::uint64_t>> held_;  // keyframes that a peer was sent
   std::deque<Waiting> waiting_;                            // in the order of offering

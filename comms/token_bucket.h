@@ -23,6 +23,12 @@ class TokenBucket {
     fill(now);
     if (rate_ > 0) bytes_ -= bytes;
   }
+  // For what went without being asked: owed up to one burst. More would hold back what comes much
+  // later, when the radio has long been free again.
+  void spend_unasked(double bytes, Time now) {
+    fill(now);
+    if (rate_ > 0) bytes_ = std::min(bytes_, std::max(bytes_ - bytes, -burst_));
+  }
 
  private:
   void fill(Time now) {

@@ -73,6 +73,25 @@ TEST(TokenBucket, WhatIsLargerThanTheBurstGoesFromAFullBucketAndLeavesADebt) {
   EXPECT_TRUE(bucket.has(1, at(4001)));
 }
 
+TEST(Outbox, WhatDdsSendsByItselfIsOwedForOneBurstAtMost) {
+  Outbox outbox(narrow());
+  std::uint64_t wire_bytes = 200'000;  // drones finding each other
+  EXPECT_FALSE(outbox.next(wire_bytes, kPeers, at(0)));
+  outbox.offer(request(), at(1100));
+  EXPECT_FALSE(outbox.next(wire_bytes, kPeers, at(1100))) << "what was sent is still paid for";
+  EXPECT_TRUE(outbox.next(wire_bytes, kPeers, at(1290)));
+}
+
+TEST(Outbox, WhatTheDroneLetsGoIsOwedInFull) {
+  Outbox outbox(with_wide_links());
+  outbox.offer(message("uav1", 1, 40, 60'000), at(0));
+  ASSERT_TRUE(outbox.next(0, kPeers, at(0)));
+  EXPECT_FALSE(outbox.next(60'000, kPeers, at(0)));
+  outbox.offer(request(), at(5200));
+  EXPECT_FALSE(outbox.next(60'000, kPeers, at(5250)));
+  EXPECT_TRUE(outbox.next(60'000, kPeers, at(5270)));
+}
+
 TEST(Outbox, WithoutLimitsEverythingGoesAtOnce) {
   LoadProfile load;
   load.drone_bytes_per_s = load.link_bytes_per_s = 0;
