@@ -239,39 +239,45 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
            "of a keyframe that is matched again: way over depth, plus angle in rad");
   v.count("max_revisits", c.max_revisits, {0, 100}, "for one keyframe");
   v.count("min_landmarks", c.min_landmarks, {1, 256}, "in an answer");
-  v.number("drift_px", c.drift_px, {0, 1e4},
+  v.number("drift_px", c.matching.drift_px, {0, 1e4},
            "[px] by which worlds may look shifted, in a first attempt to match");
   v.count("max_landmarks", c.max_landmarks, {1, 256}, "in an answer");
-  v.number("patch_spacing_px", c.patch.spacing_px, {0.5, 10}, "[px] between samples of a landmark");
-  v.number("patch_max_shift_px", c.patch.max_shift_px, {0.1, 100}, "[px] from where it should be");
-  v.number("patch_min_correlation", c.patch.min_correlation, {0, 1}, "of what is found");
-  v.number("aligned_sigma_px", c.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
-  v.number("in_place_px", c.in_place_px, {0.01, 100},
+  v.number("patch_spacing_px", c.matching.patch.spacing_px, {0.5, 10},
+           "[px] between samples of a landmark");
+  v.number("patch_max_shift_px", c.matching.patch.max_shift_px, {0.1, 100},
+           "[px] from where it should be");
+  v.number("patch_min_correlation", c.matching.patch.min_correlation, {0, 1}, "of what is found");
+  v.number("aligned_sigma_px", c.matching.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
+  v.number("in_place_px", c.matching.in_place_px, {0.01, 100},
            "[px] to which those agree that are found where they are expected");
-  v.number("in_place_share", c.in_place_share, {0, 1}, "of what is found there, that agrees");
-  v.count("images", c.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
+  v.number("in_place_share", c.matching.in_place_share, {0, 1},
+           "of what is found there, that agrees");
+  v.count("images", c.matching.images, {1, 1000}, "kept, each 0.5 MB, to look for landmarks in");
   v.number("depth_memory_s", c.depth_memory_s, {0, 1e3}, "[s] over which depths are measured");
-  v.number("max_relative_sigma", c.max_relative_sigma, {1e-3, 10},
+  v.number("max_relative_sigma", c.matching.max_relative_sigma, {1e-3, 10},
            "of landmarks that are sent or accepted, over their distance");
 }
 
 void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
-  v.count("match_max_distance_bits", c.matching.max_distance_bits, {0, 64}, "of 64");
-  v.number("match_ratio", c.matching.ratio, {0.01, 1}, "best to second best distance");
-  v.number("verify_inlier_px", c.verification.inlier_px, {0.01, 100}, "[px] reprojection error");
-  v.count("verify_min_inliers", c.verification.min_inliers, {3, 1e4}, "landmarks");
-  v.number("verify_min_inlier_share", c.verification.min_inlier_share, {0, 1},
+  v.count("match_max_distance_bits", c.matching.descriptors.max_distance_bits, {0, 64}, "of 64");
+  v.number("match_ratio", c.matching.descriptors.ratio, {0.01, 1}, "best to second best distance");
+  v.number("verify_inlier_px", c.matching.verification.inlier_px, {0.01, 100},
+           "[px] reprojection error");
+  v.count("verify_min_inliers", c.matching.verification.min_inliers, {3, 1e4}, "landmarks");
+  v.number("verify_min_inlier_share", c.matching.verification.min_inlier_share, {0, 1},
            "of the descriptor matches");
-  v.count("verify_max_iterations", c.verification.max_iterations, {1, 1e6}, "of RANSAC");
-  v.number("verify_max_offset_sigma_m", c.verification.max_offset_sigma, {0, 1e6},
+  v.count("verify_max_iterations", c.matching.verification.max_iterations, {1, 1e6}, "of RANSAC");
+  v.number("verify_max_offset_sigma_m", c.matching.verification.max_offset_sigma, {0, 1e6},
            "[m] left by the inliers at 1 px");
-  v.number("verify_max_offset_m", c.verification.max_offset, {0, 1e6}, "[m] between two drones");
-  v.angle("verify_max_yaw_deg", c.verification.max_yaw, {0, 180}, "[deg] between two drones");
-  v.number("guided_radius_px", c.guided.radius_px, {0.01, 100},
+  v.number("verify_max_offset_m", c.matching.verification.max_offset, {0, 1e6},
+           "[m] between two drones");
+  v.angle("verify_max_yaw_deg", c.matching.verification.max_yaw, {0, 180},
+          "[deg] between two drones");
+  v.number("guided_radius_px", c.matching.guided.radius_px, {0.01, 100},
            "[px] about where a peer's landmark must appear");
-  v.count("guided_max_distance_bits", c.guided.max_distance_bits, {0, 64}, "of 64");
-  v.count("min_matches", c.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
-  v.number("matching_sigma_px", c.matching_sigma_px, {0, 100},
+  v.count("guided_max_distance_bits", c.matching.guided.max_distance_bits, {0, 64}, "of 64");
+  v.count("min_matches", c.matching.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
+  v.number("matching_sigma_px", c.matching.sigma_px, {0, 100},
            "[px] to which two descriptors agree on a corner");
 }
 

@@ -128,9 +128,9 @@ FeatureExchange::Sight FeatureExchange::sight_of(std::size_t drone,
   for (const FlownFeature& feature : keyframe.features) {
     const bool wanted = config_.landmarks == SharedLandmarks::kAll ||
                         (config_.landmarks == SharedLandmarks::kSlam) == feature.slam;
-    const bool certain =
-        feature.inverse_depth > 0 &&
-        feature.inverse_depth_sigma <= config_.limits.max_relative_sigma * feature.inverse_depth;
+    const bool certain = feature.inverse_depth > 0 &&
+                         feature.inverse_depth_sigma <=
+                             config_.limits.matching.max_relative_sigma * feature.inverse_depth;
     if (wanted && certain) sight.landmarks.push_back(feature);
   }
   return sight;
@@ -210,7 +210,8 @@ std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver
 std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const FlownKeyframe& own,
                                                     const Sight& other) const {
   const auto pairs = common(own.features, other.landmarks);
-  if (pairs.size() < static_cast<std::size_t>(config_.limits.min_matches)) return std::nullopt;
+  if (pairs.size() < static_cast<std::size_t>(config_.limits.matching.min_matches))
+    return std::nullopt;
   KeyframeMatch match;
   match.drone = drones_[other.drone].name;
   match.own = own.pose;

@@ -28,7 +28,7 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
-  collaboration.common_start = config.fusion.drift.common_start;
+  collaboration.matching.common_start = config.fusion.drift.common_start;
   return collaboration;
 }
 
@@ -278,7 +278,7 @@ PeerOutcome Pipeline::fuse(const PeerKeyframe& message) {
 PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
   const StageTimer timer(peer_work_.peer_ms);
   if (drift_) {
-    const auto relative = estimate_relative_pose(match, config_.collaboration.min_matches);
+    const auto relative = estimate_relative_pose(match, config_.collaboration.matching.min_matches);
     if (!relative) return PeerOutcome::kRejected;
     switch (drift_->add(*relative)) {
       case DriftOutcome::kUsed:

@@ -345,8 +345,8 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
   if (options.unknown_start) {
     config.initialisation.own_world = true;
     config.fusion.drift.common_start = false;
-    config.collaboration.verification.max_offset = 1e6;
-    config.collaboration.verification.max_yaw = M_PI;
+    config.collaboration.matching.verification.max_offset = 1e6;
+    config.collaboration.matching.verification.max_yaw = M_PI;
   }
   // Keys belong to the team that the configuration names.
   if (config.link.security.empty()) config.link.team = "team" + std::to_string(getpid());

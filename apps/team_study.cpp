@@ -50,7 +50,7 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
 
 std::vector<TeamMember> fuse(const SimulatedTeam& team, const FeatureExchangeConfig& exchange) {
   return fuse_jointly(team.solo, FeatureExchange(exchange, team.solo.names), DriftConfig{},
-                      exchange.limits.min_matches);
+                      exchange.limits.matching.min_matches);
 }
 
 void add(TeamFigures& sum, const std::vector<TeamMember>& members, const SimulatedTeam& team,
@@ -88,7 +88,8 @@ std::vector<TeamMember> fuse_parts(const SimulatedTeam& team, SharedLandmarks la
 std::vector<TeamMember> fuse_own_loops(const SimulatedTeam& team) {
   FeatureExchange exchange(team.exchange, team.solo.names);
   for (std::size_t i = 0; i < team.solo.names.size(); ++i) exchange.silence(i);
-  return fuse_jointly(team.solo, exchange, DriftConfig{}, team.exchange.limits.min_matches);
+  return fuse_jointly(team.solo, exchange, DriftConfig{},
+                      team.exchange.limits.matching.min_matches);
 }
 
 // No corner is off, and everybody answers every keyframe with all that it has.
@@ -142,7 +143,7 @@ std::vector<Variant> variants() {
        [](const SimulatedTeam& team) {
          return fuse_by_split_intersection(team.solo,
                                            FeatureExchange(team.exchange, team.solo.names),
-                                           team.exchange.limits.min_matches);
+                                           team.exchange.limits.matching.min_matches);
        }},
       {"joint, unlimited answers, corners coincide", fuse_unlimited},
       {"the central filter, each drone by itself",

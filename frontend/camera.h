@@ -20,6 +20,10 @@ struct CameraIntrinsics {
   std::array<double, 4> distortion{0, 0, 0, 0};  // k1 k2 p1 p2, or k1 k2 k3 k4
 };
 
+[[nodiscard]] inline double mean_focal_length_px(const CameraIntrinsics& camera) {
+  return (camera.fx + camera.fy) / 2;
+}
+
 // Pixel of a bearing, with d(pixel)/d(bearing), 2x2, if asked for.
 [[nodiscard]] Eigen::Vector2d project(const CameraIntrinsics& camera,
                                       const Eigen::Vector2d& bearing,

@@ -17,20 +17,22 @@ namespace {
 constexpr double kMaxCoordinate = 1e6;     // m
 constexpr std::size_t kMaxAccepted = 256;  // landmarks of a message
 
-void check(const CollaboratorConfig& config, const Vocabulary& vocabulary, double focal_length_px) {
+void check(const CollaboratorConfig& config, const Vocabulary& vocabulary,
+           const CameraIntrinsics& camera) {
   const auto require = [](bool good, const char* what) {
     if (!good) throw std::runtime_error(std::string("collaborator: ") + what);
   };
   require(!config.agent.empty(), "agent must have a name");
   require(!vocabulary.words.empty(), "the vocabulary has no words");
-  require(focal_length_px > 0, "the focal length must be positive (px)");
+  require(mean_focal_length_px(camera) > 0, "the focal length must be positive (px)");
   require(config.keyframe.fallback_depth > 0, "keyframe.fallback_depth must be positive (m)");
   require(config.min_landmarks >= 1 && config.max_landmarks >= config.min_landmarks,
           "need 1 <= min_landmarks <= max_landmarks");
-  require(config.verification.min_inliers >= 3 && config.verification.inlier_px > 0,
-          "verification needs min_inliers >= 3 and inlier_px > 0");
-  require(config.max_relative_sigma > 0 && config.matching_sigma_px >= 0,
-          "need max_relative_sigma > 0 and matching_sigma_px >= 0");
+  require(
+      config.matching.verification.min_inliers >= 3 && config.matching.verification.inlier_px > 0,
+      "verification needs min_inliers >= 3 and inlier_px > 0");
+  require(config.matching.max_relative_sigma > 0 && config.matching.sigma_px >= 0,
+          "need matching.max_relative_sigma > 0 and matching.sigma_px >= 0");
 }
 
 // The paper's drones know places by its VLAD and answer whatever they know.
@@ -44,11 +46,6 @@ CollaboratorConfig for_exchange(CollaboratorConfig config) {
   config.limiter.resend_interval_s = 0;
   config.max_landmarks = static_cast<int>(kMaxAccepted);
   return config;
-}
-
-bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {
-  return inverse_depth > 0 && inverse_depth_sigma >= 0 &&
-         inverse_depth_sigma <= max_relative_sigma * inverse_depth;
 }
 
 bool is_well_formed(const PeerKeyframe& message) {
@@ -67,45 +64,11 @@ bool is_well_formed(const PeerKeyframe& message) {
       });
 }
 
-std::vector<PeerLandmark> usable_landmarks(const std::vector<PeerLandmark>& landmarks,
-                                           double max_relative_sigma) {
-  std::vector<PeerLandmark> usable;
-  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(usable),
-               [&](const PeerLandmark& landmark) {
-                 return is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
-                                   max_relative_sigma);
-               });
-  return usable;
-}
-
-ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
-  ShortDescriptor first{};
-  std::copy_n(descriptor.begin(), first.size(), first.begin());
-  return first;
-}
-
 std::vector<BinaryDescriptor> descriptors_of(const std::vector<KeyframeFeature>& features) {
   std::vector<BinaryDescriptor> descriptors;
   descriptors.reserve(features.size());
   for (const KeyframeFeature& feature : features) descriptors.push_back(feature.descriptor);
   return descriptors;
-}
-
-template <typename Features>
-std::vector<ShortDescriptor> short_descriptors_of(const Features& features) {
-  std::vector<ShortDescriptor> descriptors;
-  descriptors.reserve(features.size());
-  for (const auto& feature : features) descriptors.push_back(feature.descriptor);
-  return descriptors;
-}
-
-std::vector<OwnFeature> features_of(const Keyframe& own) {
-  std::vector<OwnFeature> features;
-  features.reserve(own.features.size());
-  for (const KeyframeFeature& feature : own.features) {
-    features.push_back({feature.bearing, shortened(feature.descriptor)});
-  }
-  return features;
 }
 
 std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& features) {
@@ -118,15 +81,8 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   return landmarks;
 }
 
-std::vector<PeerPoint> points_of(const KeyframePose& pose, const std::vector<PeerLandmark>& seen) {
-  std::vector<PeerPoint> points;
-  points.reserve(seen.size());
-  for (const PeerLandmark& landmark : seen) {
-    points.push_back(
-        {pose.T_world_cam * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval(),
-         landmark.descriptor});
-  }
-  return points;
+OtherKeyframe other_keyframe(const PeerKeyframe& message) {
+  return {message.sender, message.pose, message.before, message.patch_spacing, message.landmarks};
 }
 
 // What is still tracked has been used all along: it says nothing new of the drift since then.
@@ -139,30 +95,6 @@ std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& land
   std::set_difference(landmarks.begin(), landmarks.end(), newest.features.begin(),
                       newest.features.end(), std::back_inserter(lost), earlier);
   return lost;
-}
-
-// Camera to camera, once the offset between the worlds is known.
-Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& other,
-                                const FrameOffset& offset) {
-  const Eigen::Vector3d c = own.T_world_cam.translation();
-  Eigen::Isometry3d T_own_other_world = Eigen::Isometry3d::Identity();
-  T_own_other_world.linear() =
-      Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  T_own_other_world.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
-  return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
-}
-
-NoMatchReason to_reason(VerificationFailure failure) {
-  switch (failure) {
-    case VerificationFailure::kTooFewCorrespondences:
-      return NoMatchReason::kTooFewMatches;
-    case VerificationFailure::kOffsetTooLarge:
-      return NoMatchReason::kOffsetTooLarge;
-    case VerificationFailure::kTooFewInliers:
-    case VerificationFailure::kUndetermined:
-      break;
-  }
-  return NoMatchReason::kTooFewInliers;
 }
 
 }  // namespace
@@ -187,24 +119,6 @@ std::optional<ExchangeMode> exchange_from_name(const std::string& name) {
   return std::nullopt;
 }
 
-const char* to_string(NoMatchReason reason) {
-  switch (reason) {
-    case NoMatchReason::kNotForUs:
-      return "not for us";
-    case NoMatchReason::kMalformed:
-      return "malformed";
-    case NoMatchReason::kUnknownRequest:
-      return "unknown request";
-    case NoMatchReason::kTooFewMatches:
-      return "too few descriptor matches";
-    case NoMatchReason::kTooFewInliers:
-      return "too few geometric inliers";
-    case NoMatchReason::kOffsetTooLarge:
-      break;
-  }
-  return "offset between the worlds too large";
-}
-
 Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
                            const CameraIntrinsics& camera)
     : config_(for_exchange(config)),
@@ -213,10 +127,16 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
       place_threshold_(config_.place_threshold > 0 ? config_.place_threshold
                                                    : default_threshold(config_.place_mode)),
       camera_(camera),
-      focal_length_px_((camera.fx + camera.fy) / 2),
+      patch_spacing_(config.matching.patch.spacing_px / mean_focal_length_px(camera)),
       database_(config.database),
+      matcher_(config.matching, camera),
       limiter_(config_.limiter) {
-  check(config, vocabulary, focal_length_px_);
+  check(config, vocabulary, camera);
+  matcher_.know_world(config.agent, Eigen::Isometry3d::Identity());
+}
+
+void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
+  matcher_.know_world(peer, T_own_peer);
 }
 
 bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
@@ -267,7 +187,7 @@ std::optional<PeerKeyframe> Collaborator::announcement() const {
                       0,
                       newest->pose,
                       newest->before,
-                      patch_spacing(),
+                      patch_spacing_,
                       to_peer_landmarks(landmarks)};
 }
 
@@ -287,15 +207,12 @@ Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImageP
                             .value_or(config_.keyframe.fallback_depth);
   std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
   for (const TrackDepth& depth : depths) depth_of[depth.track_id] = &depth;
-  if (!image.levels.empty()) {
-    if (images_.size() >= config_.images) images_.pop_front();
-    images_.emplace_back(keyframe.pose.keyframe_id, image);
-  }
+  if (!image.levels.empty()) matcher_.keep_image(keyframe.pose.keyframe_id, image);
   for (const TrackedFeature& feature : described.features) {
     if (!feature.described) continue;
     KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0, {}};
     if (!image.levels.empty()) {
-      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing, patch_spacing())
+      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing, patch_spacing_)
                          .value_or(LandmarkPatch{});
     }
     if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
@@ -316,7 +233,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   const CameraView view = view_of(*newest);
   struct Candidate {
     const Keyframe* own = nullptr;
-    const Sight* peer = nullptr;
+    const OtherKeyframe* peer = nullptr;
   };
   NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
                                                config_.max_revisits);
@@ -324,19 +241,12 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
     if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
     nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
   }
-  for (const Sight& peer : remembered_) {
-    nearest.consider(peer.drone, view_difference(peer.view, view), {nullptr, &peer});
+  for (const auto& [peer, peer_view] : remembered_) {
+    nearest.consider(peer.drone, view_difference(peer_view, view), {nullptr, &peer});
   }
   for (const Candidate& candidate : nearest.take()) {
-    const Sight sight =
-        candidate.own ? Sight{config_.agent,
-                              candidate.own->pose,
-                              candidate.own->before,
-                              {},
-                              patch_spacing(),
-                              to_peer_landmarks(lost_since(landmarks_of(*candidate.own), *newest))}
-                      : *candidate.peer;
-    auto result = match_keyframes(*newest, sight);
+    auto result = matcher_.match(
+        *newest, candidate.own ? old_keyframe(*candidate.own, *newest) : *candidate.peer);
     auto* match = std::get_if<KeyframeMatch>(&result);
     if (match == nullptr) continue;
     ++report_.revisits;
@@ -345,10 +255,17 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   return matches;
 }
 
+OtherKeyframe Collaborator::old_keyframe(const Keyframe& old, const Keyframe& newest) const {
+  return {config_.agent, old.pose, old.before, patch_spacing_,
+          to_peer_landmarks(lost_since(landmarks_of(old), newest))};
+}
+
 void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
-  const bool known = std::any_of(remembered_.begin(), remembered_.end(), [&](const Sight& sight) {
-    return sight.drone == message.sender && sight.pose.keyframe_id == message.pose.keyframe_id;
-  });
+  const bool known =
+      std::any_of(remembered_.begin(), remembered_.end(), [&](const Remembered& seen) {
+        return seen.keyframe.drone == message.sender &&
+               seen.keyframe.pose.keyframe_id == message.pose.keyframe_id;
+      });
   if (known) return;
   const std::vector<PeerLandmark>& landmarks = message.landmarks;
   double depths = 0;
@@ -357,8 +274,7 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
                         depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
-  remembered_.push_back(
-      {message.sender, message.pose, message.before, view, message.patch_spacing, landmarks});
+  remembered_.push_back({other_keyframe(message), view});
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -410,7 +326,7 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
                       advert.keyframe_id,
                       best->pose,
                       best->before,
-                      patch_spacing(),
+                      patch_spacing_,
                       to_peer_landmarks(most_useful(best_landmarks, advert))};
 }
 
@@ -460,7 +376,7 @@ std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe
   std::vector<KeyframeFeature> landmarks;
   for (const KeyframeFeature& feature : keyframe.features) {
     if (is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
-                   config_.max_relative_sigma)) {
+                   config_.matching.max_relative_sigma)) {
       landmarks.push_back(feature);
     }
   }
@@ -489,120 +405,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyfra
   const Keyframe* own = for_all ? newest_image() : find_image(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  return match_keyframes(
-      *own,
-      {message.sender, message.pose, message.before, {}, message.patch_spacing, message.landmarks});
-}
-
-// First among corners that lie about where odometry puts them, if the worlds are one; then
-// anywhere.
-VerificationResult Collaborator::verify_pairs(const Keyframe& own,
-                                              const std::vector<OwnFeature>& features,
-                                              const std::vector<PeerPoint>& points) const {
-  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
-  const auto verified = [&](const std::vector<IndexPair>& pairs) {
-    std::vector<Correspondence> correspondences;
-    correspondences.reserve(pairs.size());
-    for (const IndexPair& pair : pairs) {
-      correspondences.push_back({points[pair.peer].p_world, features[pair.own].bearing});
-    }
-    return verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
-  };
-  const VerificationResult nearby =
-      verified(match_guided(T_world_cam, FrameOffset{}, features, points, focal_length_px_,
-                            {config_.drift_px, config_.matching.max_distance_bits}));
-  if (nearby.verified) return nearby;
-  return verified(match_descriptors(short_descriptors_of(features), short_descriptors_of(points),
-                                    config_.matching));
-}
-
-void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
-  worlds_[peer] = T_own_peer;
-}
-
-std::optional<Eigen::Isometry3d> Collaborator::world_of(const std::string& drone) const {
-  if (const auto known = worlds_.find(drone); known != worlds_.end()) return known->second;
-  if (config_.common_start || drone == config_.agent) return Eigen::Isometry3d::Identity();
-  return std::nullopt;
-}
-
-// By what the landmarks look like, where the other's pose says they must be. Chance finds scatter
-// over the whole reach of the search, so they have to agree much better than that.
-VerificationResult Collaborator::verify_in_place(const Keyframe& own, const Sight& other,
-                                                 const std::vector<PeerLandmark>& landmarks,
-                                                 const std::vector<PeerPoint>& points) const {
-  const std::optional<Eigen::Isometry3d> world = world_of(other.drone);
-  if (!world) return {};
-  const Eigen::Isometry3d T_other_own =
-      (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
-  std::vector<Correspondence> correspondences;
-  for (const FoundLandmark& found : look_for(own.pose.keyframe_id, other, landmarks, T_other_own)) {
-    correspondences.push_back({points[found.landmark].p_world, found.bearing});
-  }
-  VerificationConfig config = config_.verification;
-  config.inlier_px = config_.in_place_px;
-  config.min_inlier_share = config_.in_place_share;
-  config.min_inliers = config_.min_matches;
-  return verify(own.pose.T_world_cam, correspondences, focal_length_px_, config);
-}
-
-std::variant<KeyframeMatch, NoMatch> Collaborator::match_keyframes(const Keyframe& own,
-                                                                   const Sight& other) const {
-  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
-  const std::vector<PeerLandmark> landmarks =
-      usable_landmarks(other.landmarks, config_.max_relative_sigma);
-  const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
-  const std::vector<OwnFeature> features = features_of(own);
-  VerificationResult result = verify_in_place(own, other, landmarks, points);
-  const bool in_place = result.verified.has_value();
-  if (!in_place) result = verify_pairs(own, features, points);
-  if (!result.verified) return NoMatch{to_reason(result.failure)};
-  const Eigen::Isometry3d T_other_own =
-      relative_pose(own.pose, other.pose, result.verified->offset);
-  const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
-                                                    points, focal_length_px_, config_.guided);
-  const std::vector<FoundLandmark> found =
-      look_for(own.pose.keyframe_id, other, landmarks, T_other_own);
-  if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
-    return NoMatch{NoMatchReason::kTooFewMatches};
-  }
-  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing, std::size_t index) {
-    const PeerLandmark& landmark = landmarks[index];
-    return LandmarkMatch{track, bearing, landmark.bearing, landmark.inverse_depth,
-                         landmark.inverse_depth_sigma};
-  };
-  KeyframeMatch match{other.drone, own.pose,
-                      other.pose,  other.before,
-                      T_other_own, config_.matching_sigma_px / focal_length_px_,
-                      {},          config_.aligned_sigma_px / focal_length_px_,
-                      {}};
-  for (const IndexPair& pair : pairs) {
-    const KeyframeFeature& feature = own.features[pair.own];
-    match.matches.push_back(seen(feature.track_id, feature.bearing, pair.peer));
-  }
-  for (const FoundLandmark& one : found) {
-    match.aligned.push_back(seen(0, one.bearing, one.landmark));
-  }
-  return match;
-}
-
-std::vector<Collaborator::FoundLandmark> Collaborator::look_for(
-    std::uint64_t own_keyframe, const Sight& other, const std::vector<PeerLandmark>& landmarks,
-    const Eigen::Isometry3d& T_other_own) const {
-  std::vector<FoundLandmark> found;
-  const auto image = std::find_if(images_.rbegin(), images_.rend(),
-                                  [&](const auto& known) { return known.first == own_keyframe; });
-  if (image == images_.rend()) return found;
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    const PeerLandmark& landmark = landmarks[i];
-    if (landmark.patch == LandmarkPatch{}) continue;
-    const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
-                            other.patch_spacing};
-    const auto bearing =
-        find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
-    if (bearing) found.push_back({i, *bearing});
-  }
-  return found;
+  return matcher_.match(*own, other_keyframe(message));
 }
 
 }  // namespace covey

@@ -20,10 +20,8 @@
 
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <optional>
 #include <string>
-#include <utility>
 #include <variant>
 #include <vector>
 
@@ -32,8 +30,7 @@
 #include "frontend/camera.h"
 #include "frontend/image_pyramid.h"
 #include "frontend/keyframe_database.h"
-#include "frontend/landmark_patch.h"
-#include "frontend/matching.h"
+#include "frontend/keyframe_matcher.h"
 #include "frontend/place_recognition.h"
 #include "frontend/tracker.h"
 
@@ -71,40 +68,8 @@ struct CollaboratorConfig {
   AnswerLimiter::Config limiter;  // of the compact exchange
   int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
   int max_landmarks = 95;         // of an answer; all, if the exchange is not compact
-  double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
-                                    // neither sent nor accepted
-  // Matching.
-  MatchingConfig matching;
-  VerificationConfig verification;
-  GuidedConfig guided;
-  double drift_px = 40;  // by which two drones' worlds may look shifted, in a first attempt
-  int min_matches = 8;   // fewer are no matches
-  // To which two drones agree on a corner; a fatter tail than Gaussian.
-  double matching_sigma_px = 0.7;
-  // Looking for the peer's landmarks in the own image.
-  PatchSearchConfig patch;
-  double aligned_sigma_px = 0.3;  // of what is found
-  double in_place_px = 1.0;       // to which those agree that are found where they are expected,
-  double in_place_share = 0.5;    // and this share of them
-  bool common_start = true;       // are all worlds one but for drift, or unknown until told?
-  std::size_t images = 20;        // of the newest keyframes, each 0.5 MB
+  KeyframeMatcherConfig matching;
 };
-
-enum class NoMatchReason : std::uint8_t {
-  kNotForUs,        // another receiver, or our own message come back
-  kMalformed,       // too many landmarks, or not finite
-  kUnknownRequest,  // the asking keyframe is not (or no longer) stored
-  kTooFewMatches,   // by descriptor, or in the end
-  kTooFewInliers,   // by geometry
-  kOffsetTooLarge,  // the two worlds do not agree
-};
-inline constexpr std::size_t kNoMatchReasons = 6;
-
-struct NoMatch {
-  NoMatchReason reason = NoMatchReason::kMalformed;
-};
-
-[[nodiscard]] const char* to_string(NoMatchReason reason);
 
 // Counts since the start.
 struct CollaboratorReport {
@@ -192,32 +157,8 @@ class Collaborator {
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
       const PeerKeyframe& message) const;
-  // A keyframe whose landmarks can be matched; `view`: in the own world.
-  struct Sight {
-    std::string drone;
-    KeyframePose pose, before;
-    CameraView view;
-    double patch_spacing = 0;
-    std::vector<PeerLandmark> landmarks;
-  };
-  [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
-                                                const std::vector<OwnFeature>& features,
-                                                const std::vector<PeerPoint>& points) const;
-  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match_keyframes(const Keyframe& own,
-                                                                     const Sight& other) const;
-  [[nodiscard]] double patch_spacing() const { return config_.patch.spacing_px / focal_length_px_; }
-  [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
-  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const Sight& other,
-                                                   const std::vector<PeerLandmark>& landmarks,
-                                                   const std::vector<PeerPoint>& points) const;
-  // A landmark of the other one, by index, and its bearing in the own image.
-  struct FoundLandmark {
-    std::size_t landmark = 0;
-    Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  };
-  [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe, const Sight& other,
-                                                    const std::vector<PeerLandmark>& landmarks,
-                                                    const Eigen::Isometry3d& T_other_own) const;
+  // An older keyframe of the own, beside the newest.
+  [[nodiscard]] OtherKeyframe old_keyframe(const Keyframe& old, const Keyframe& newest) const;
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
@@ -225,14 +166,17 @@ class Collaborator {
   std::uint64_t vocabulary_hash_;
   double place_threshold_;
   CameraIntrinsics camera_;
-  double focal_length_px_;
-  TimeNs now_ns_ = 0;  // stamp of the newest own image
+  double patch_spacing_;  // between samples of a patch, normalised plane
+  TimeNs now_ns_ = 0;     // stamp of the newest own image
   std::uint64_t next_keyframe_id_ = 1;
   KeyframeDatabase database_;
-  std::deque<Keyframe> recent_frames_;               // no keyframes; oldest first
-  std::map<std::string, Eigen::Isometry3d> worlds_;  // of peers, in the own one
-  std::deque<Sight> remembered_;                     // of peers, in the order in which they came
-  std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first
+  std::deque<Keyframe> recent_frames_;  // no keyframes; oldest first
+  struct Remembered {
+    OtherKeyframe keyframe;
+    CameraView view;  // in the own world
+  };
+  std::deque<Remembered> remembered_;  // of peers, in the order in which they came
+  KeyframeMatcher matcher_;
   AnswerLimiter limiter_;
   CollaboratorReport report_;
 };

@@ -55,7 +55,8 @@ SimulatedTeam simulate_team(Scenario place, std::uint64_t seed) {
 }
 
 std::vector<TeamMember> together(const SimulatedTeam& team, const FeatureExchange& exchange) {
-  return fuse_jointly(team.solo, exchange, DriftConfig{}, team.exchange.limits.min_matches);
+  return fuse_jointly(team.solo, exchange, DriftConfig{},
+                      team.exchange.limits.matching.min_matches);
 }
 
 template <typename Work>
@@ -201,7 +202,8 @@ TEST(TeamConsistency, TheSameAnswerAHundredTimesSaysNoMoreThanTwice) {
   }
   const std::vector<KeyframeMatch> answers = exchange.ask(0);
   ASSERT_FALSE(answers.empty());
-  const auto answer = estimate_relative_pose(answers.front(), team.exchange.limits.min_matches);
+  const auto answer =
+      estimate_relative_pose(answers.front(), team.exchange.limits.matching.min_matches);
   ASSERT_TRUE(answer);
   const double often = variance_after(team, *answer, 100);
   EXPECT_LT(often, variance_after(team, *answer, 0));

@@ -30,7 +30,7 @@ Eigen::Isometry3d to_isometry(const CameraPose& pose) {
 Collaborator make_drone(const std::string& name, bool common_start = true) {
   CollaboratorConfig config;
   config.agent = name;
-  config.common_start = common_start;
+  config.matching.common_start = common_start;
   config.place_mode = PlaceMode::kPaper;
   return Collaborator(config, visual_vocabulary(), small_camera());
 }

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/keyframe_matcher.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+namespace covey {
+namespace {
+
+std::vector<PeerLandmark> usable_landmarks(const std::vector<PeerLandmark>& landmarks,
+                                           double max_relative_sigma) {
+  std::vector<PeerLandmark> usable;
+  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(usable),
+               [&](const PeerLandmark& landmark) {
+                 return is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
+                                   max_relative_sigma);
+               });
+  return usable;
+}
+
+template <typename Features>
+std::vector<ShortDescriptor> short_descriptors_of(const Features& features) {
+  std::vector<ShortDescriptor> descriptors;
+  descriptors.reserve(features.size());
+  for (const auto& feature : features) descriptors.push_back(feature.descriptor);
+  return descriptors;
+}
+
+std::vector<OwnFeature> features_of(const Keyframe& own) {
+  std::vector<OwnFeature> features;
+  features.reserve(own.features.size());
+  for (const KeyframeFeature& feature : own.features) {
+    features.push_back({feature.bearing, shortened(feature.descriptor)});
+  }
+  return features;
+}
+
+std::vector<PeerPoint> points_of(const KeyframePose& pose, const std::vector<PeerLandmark>& seen) {
+  std::vector<PeerPoint> points;
+  points.reserve(seen.size());
+  for (const PeerLandmark& landmark : seen) {
+    points.push_back(
+        {pose.T_world_cam * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval(),
+         landmark.descriptor});
+  }
+  return points;
+}
+
+// Camera to camera, once the offset between the worlds is known.
+Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& other,
+                                const FrameOffset& offset) {
+  const Eigen::Vector3d c = own.T_world_cam.translation();
+  Eigen::Isometry3d T_own_other_world = Eigen::Isometry3d::Identity();
+  T_own_other_world.linear() =
+      Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  T_own_other_world.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
+  return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
+}
+
+NoMatchReason to_reason(VerificationFailure failure) {
+  switch (failure) {
+    case VerificationFailure::kTooFewCorrespondences:
+      return NoMatchReason::kTooFewMatches;
+    case VerificationFailure::kOffsetTooLarge:
+      return NoMatchReason::kOffsetTooLarge;
+    case VerificationFailure::kTooFewInliers:
+    case VerificationFailure::kUndetermined:
+      break;
+  }
+  return NoMatchReason::kTooFewInliers;
+}
+
+}  // namespace
+
+const char* to_string(NoMatchReason reason) {
+  switch (reason) {
+    case NoMatchReason::kNotForUs:
+      return "not for us";
+    case NoMatchReason::kMalformed:
+      return "malformed";
+    case NoMatchReason::kUnknownRequest:
+      return "unknown request";
+    case NoMatchReason::kTooFewMatches:
+      return "too few descriptor matches";
+    case NoMatchReason::kTooFewInliers:
+      return "too few geometric inliers";
+    case NoMatchReason::kOffsetTooLarge:
+      break;
+  }
+  return "offset between the worlds too large";
+}
+
+bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {
+  return inverse_depth > 0 && inverse_depth_sigma >= 0 &&
+         inverse_depth_sigma <= max_relative_sigma * inverse_depth;
+}
+
+ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
+  ShortDescriptor first{};
+  std::copy_n(descriptor.begin(), first.size(), first.begin());
+  return first;
+}
+
+KeyframeMatcher::KeyframeMatcher(const KeyframeMatcherConfig& config,
+                                 const CameraIntrinsics& camera)
+    : config_(config), camera_(camera), focal_length_px_(mean_focal_length_px(camera)) {}
+
+void KeyframeMatcher::keep_image(std::uint64_t keyframe_id, const ImagePyramid& image) {
+  if (images_.size() >= config_.images) images_.pop_front();
+  images_.emplace_back(keyframe_id, image);
+}
+
+void KeyframeMatcher::know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone) {
+  worlds_[drone] = T_own_drone;
+}
+
+std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {
+  if (const auto known = worlds_.find(drone); known != worlds_.end()) return known->second;
+  if (config_.common_start) return Eigen::Isometry3d::Identity();
+  return std::nullopt;
+}
+
+// First among corners that lie about where odometry puts them, if the worlds are one; then
+// anywhere.
+VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
+                                                 const std::vector<OwnFeature>& features,
+                                                 const std::vector<PeerPoint>& points) const {
+  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
+  const auto verified = [&](const std::vector<IndexPair>& pairs) {
+    std::vector<Correspondence> correspondences;
+    correspondences.reserve(pairs.size());
+    for (const IndexPair& pair : pairs) {
+      correspondences.push_back({points[pair.peer].p_world, features[pair.own].bearing});
+    }
+    return verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
+  };
+  const VerificationResult nearby =
+      verified(match_guided(T_world_cam, FrameOffset{}, features, points, focal_length_px_,
+                            {config_.drift_px, config_.descriptors.max_distance_bits}));
+  if (nearby.verified) return nearby;
+  return verified(match_descriptors(short_descriptors_of(features), short_descriptors_of(points),
+                                    config_.descriptors));
+}
+
+// By what the landmarks look like, where the other's pose says they must be. Chance finds scatter
+// over the whole reach of the search, so they have to agree much better than that.
+VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const OtherKeyframe& other,
+                                                    const std::vector<PeerLandmark>& landmarks,
+                                                    const std::vector<PeerPoint>& points) const {
+  const std::optional<Eigen::Isometry3d> world = world_of(other.drone);
+  if (!world) return {};
+  const Eigen::Isometry3d T_other_own =
+      (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
+  std::vector<Correspondence> correspondences;
+  for (const FoundLandmark& found : look_for(own.pose.keyframe_id, other, landmarks, T_other_own)) {
+    correspondences.push_back({points[found.landmark].p_world, found.bearing});
+  }
+  VerificationConfig config = config_.verification;
+  config.inlier_px = config_.in_place_px;
+  config.min_inlier_share = config_.in_place_share;
+  config.min_inliers = config_.min_matches;
+  return verify(own.pose.T_world_cam, correspondences, focal_length_px_, config);
+}
+
+std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
+                                                            const OtherKeyframe& other) const {
+  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
+  const std::vector<PeerLandmark> landmarks =
+      usable_landmarks(other.landmarks, config_.max_relative_sigma);
+  const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
+  const std::vector<OwnFeature> features = features_of(own);
+  VerificationResult result = verify_in_place(own, other, landmarks, points);
+  const bool in_place = result.verified.has_value();
+  if (!in_place) result = verify_pairs(own, features, points);
+  if (!result.verified) return NoMatch{to_reason(result.failure)};
+  const Eigen::Isometry3d T_other_own =
+      relative_pose(own.pose, other.pose, result.verified->offset);
+  const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
+                                                    points, focal_length_px_, config_.guided);
+  const std::vector<FoundLandmark> found =
+      look_for(own.pose.keyframe_id, other, landmarks, T_other_own);
+  if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
+    return NoMatch{NoMatchReason::kTooFewMatches};
+  }
+  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing, std::size_t index) {
+    const PeerLandmark& landmark = landmarks[index];
+    return LandmarkMatch{track, bearing, landmark.bearing, landmark.inverse_depth,
+                         landmark.inverse_depth_sigma};
+  };
+  KeyframeMatch match{other.drone, own.pose,
+                      other.pose,  other.before,
+                      T_other_own, config_.sigma_px / focal_length_px_,
+                      {},          config_.aligned_sigma_px / focal_length_px_,
+                      {}};
+  for (const IndexPair& pair : pairs) {
+    const KeyframeFeature& feature = own.features[pair.own];
+    match.matches.push_back(seen(feature.track_id, feature.bearing, pair.peer));
+  }
+  for (const FoundLandmark& one : found) {
+    match.aligned.push_back(seen(0, one.bearing, one.landmark));
+  }
+  return match;
+}
+
+std::vector<KeyframeMatcher::FoundLandmark> KeyframeMatcher::look_for(
+    std::uint64_t own_keyframe, const OtherKeyframe& other,
+    const std::vector<PeerLandmark>& landmarks, const Eigen::Isometry3d& T_other_own) const {
+  std::vector<FoundLandmark> found;
+  const auto image = std::find_if(images_.rbegin(), images_.rend(),
+                                  [&](const auto& known) { return known.first == own_keyframe; });
+  if (image == images_.rend()) return found;
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    const PeerLandmark& landmark = landmarks[i];
+    if (landmark.patch == LandmarkPatch{}) continue;
+    const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
+                            other.patch_spacing};
+    const auto bearing =
+        find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
+    if (bearing) found.push_back({i, *bearing});
+  }
+  return found;
+}
+
+}  // namespace covey

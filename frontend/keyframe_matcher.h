@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Where an own keyframe sees the landmarks of another one, a peer's or an older one of the own.
+// What they look like is searched for where the poses put them; if too few are there, because the
+// worlds have drifted apart or are unknown to each other, descriptors say which corners are the
+// same, and geometry which of those to believe. Then all of them are searched for once more.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "estimator/measurements.h"
+#include "frontend/camera.h"
+#include "frontend/image_pyramid.h"
+#include "frontend/keyframe_database.h"
+#include "frontend/landmark_patch.h"
+#include "frontend/matching.h"
+#include "frontend/place_recognition.h"
+
+namespace covey {
+
+struct KeyframeMatcherConfig {
+  double max_relative_sigma = 0.3;  // landmarks less certain than this share of their distance are
+                                    // neither sent nor accepted
+  int min_matches = 8;              // fewer are no matches
+  bool common_start = true;         // are all worlds one but for drift, or unknown until told?
+  // By descriptor.
+  MatchingConfig descriptors;
+  VerificationConfig verification;
+  GuidedConfig guided;
+  double drift_px = 40;   // by which two drones' worlds may look shifted, in a first attempt
+  double sigma_px = 0.7;  // to which two drones agree on a corner; a fatter tail than Gaussian
+  // By what they look like.
+  PatchSearchConfig patch;
+  double aligned_sigma_px = 0.3;  // of what is found
+  double in_place_px = 1.0;       // to which those agree that are found where they are expected,
+  double in_place_share = 0.5;    // and this share of them
+  std::size_t images = 20;        // of the newest keyframes, each 0.5 MB
+};
+
+enum class NoMatchReason : std::uint8_t {
+  kNotForUs,        // another receiver, or our own message come back
+  kMalformed,       // too many landmarks, or not finite
+  kUnknownRequest,  // the asking keyframe is not (or no longer) stored
+  kTooFewMatches,   // by descriptor, or in the end
+  kTooFewInliers,   // by geometry
+  kOffsetTooLarge,  // the two worlds do not agree
+};
+inline constexpr std::size_t kNoMatchReasons = 6;
+
+struct NoMatch {
+  NoMatchReason reason = NoMatchReason::kMalformed;
+};
+
+[[nodiscard]] const char* to_string(NoMatchReason reason);
+
+[[nodiscard]] bool is_certain(double inverse_depth, double inverse_depth_sigma,
+                              double max_relative_sigma);
+
+[[nodiscard]] ShortDescriptor shortened(const BinaryDescriptor& descriptor);
+
+// What is known of another keyframe whose landmarks are looked for.
+struct OtherKeyframe {
+  std::string drone;
+  KeyframePose pose, before;  // as in PeerKeyframe
+  double patch_spacing = 0;   // between samples of a patch, normalised plane
+  std::vector<PeerLandmark> landmarks;
+};
+
+class KeyframeMatcher {
+ public:
+  KeyframeMatcher(const KeyframeMatcherConfig& config, const CameraIntrinsics& camera);
+
+  // Of the newest own keyframes; those without an image are matched by descriptor alone.
+  void keep_image(std::uint64_t keyframe_id, const ImagePyramid& image);
+
+  // Where a drone's world lies in the own one, as far as that is known by now.
+  void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
+
+  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const Keyframe& own,
+                                                           const OtherKeyframe& other) const;
+
+ private:
+  // A landmark of the other one, by index, and its bearing in the own image.
+  struct FoundLandmark {
+    std::size_t landmark = 0;
+    Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
+  };
+  [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe,
+                                                    const OtherKeyframe& other,
+                                                    const std::vector<PeerLandmark>& landmarks,
+                                                    const Eigen::Isometry3d& T_other_own) const;
+  [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
+  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const OtherKeyframe& other,
+                                                   const std::vector<PeerLandmark>& landmarks,
+                                                   const std::vector<PeerPoint>& points) const;
+  [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
+                                                const std::vector<OwnFeature>& features,
+                                                const std::vector<PeerPoint>& points) const;
+
+  KeyframeMatcherConfig config_;
+  CameraIntrinsics camera_;
+  double focal_length_px_;
+  std::map<std::string, Eigen::Isometry3d> worlds_;            // in the own one
+  std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first
+};
+
+}  // namespace covey
