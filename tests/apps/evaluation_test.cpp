@@ -4,14 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <cmath>
 #include <random>
 #include <stdexcept>
 #include <string>
 
-#include "apps/evaluate_command.h"
 #include "estimator/so3.h"
+#include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -243,12 +242,10 @@ INSTANTIATE_TEST_SUITE_P(
 class EvaluateCommand : public testing::Test {
  protected:
   std::string run(const std::string& arguments) const {
-    CLI::App app;
-    add_evaluate_command(app);
     testing::internal::CaptureStdout();
     try {
-      app.parse("evaluate --groundtruth " + (folder_.path() / "truth.tum").string() +
-                " --estimate " + (folder_.path() / "estimate.tum").string() + " " + arguments);
+      run_command("evaluate --groundtruth " + (folder_.path() / "truth.tum").string() +
+                  " --estimate " + (folder_.path() / "estimate.tum").string() + " " + arguments);
     } catch (...) {
       testing::internal::GetCapturedStdout();
       throw;
@@ -279,9 +276,12 @@ TEST_F(EvaluateCommand, NamesBothFilesWhenTheyDoNotOverlap) {
 }
 
 TEST_F(EvaluateCommand, RefusesUnknownWords) {
-  EXPECT_THROW((void)run("--align yaw"), CLI::ParseError);
-  EXPECT_THROW((void)run("--association best"), CLI::ParseError);
-  EXPECT_THROW((void)run("--max-difference -1"), CLI::ParseError);
+  EXPECT_THAT([this] { (void)run("--align yaw"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("--align")));
+  EXPECT_THAT([this] { (void)run("--association best"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("--association")));
+  EXPECT_THAT([this] { (void)run("--max-difference -1"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("--max-difference")));
 }
 
 }  // namespace

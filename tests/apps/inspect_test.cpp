@@ -4,16 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "apps/inspect_command.h"
 #include "apps/inspect_pictures.h"
 #include "apps/png_file.h"
 #include "apps/run_summary.h"
-#include "apps/simulate_command.h"
+#include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -21,19 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-// What the command complains about, or nothing.
-std::string run(const std::string& arguments) {
-  CLI::App app;
-  add_simulate_command(app);
-  add_inspect_command(app);
-  try {
-    app.parse(arguments, false);
-    return "";
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-}
 
 std::string text(const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);
@@ -43,8 +28,10 @@ std::string text(const fs::path& file) {
 TEST(Inspect, ShowsAThermalFlightRawAndCalibratedAgainstTheTruth) {
   const TemporaryFolder folder;
   const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
-  ASSERT_EQ(run("simulate mars_yard --agents 1 --seconds 1 --rate 15 --out " + yard.string()), "");
-  ASSERT_EQ(run("inspect " + yard.string() + " --images 1 --out " + out.string()), "");
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 15 --out " + yard.string()),
+      "");
+  ASSERT_EQ(complaint_of("inspect " + yard.string() + " --images 1 --out " + out.string()), "");
   for (const char* picture : {"before_after_1.png", "tracks_1.png", "field.png"}) {
     const cv::Mat image = read_png((out / picture).string());
     EXPECT_GT(image.cols, 2 * 640) << picture;
@@ -68,14 +55,15 @@ TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   const std::string to = " --out " + out.string();
-  EXPECT_THAT(run("inspect " + folder.path().string() + to), HasSubstr("holds no drone"));
+  EXPECT_THAT(complaint_of("inspect " + folder.path().string() + to), HasSubstr("holds no drone"));
   const fs::path yard = folder.path() / "yard";
-  ASSERT_EQ(run("simulate castle_parallel --agents 1 --seconds 1 --rate 2 --out " + yard.string()),
+  ASSERT_EQ(complaint_of("simulate castle_parallel --agents 1 --seconds 1 --rate 2 --out " +
+                         yard.string()),
             "");
-  EXPECT_THAT(run("inspect " + yard.string() + " --agent uav7" + to),
+  EXPECT_THAT(complaint_of("inspect " + yard.string() + " --agent uav7" + to),
               HasSubstr("holds no drone 'uav7': --agent takes one of uav0"));
   fs::resize_file(find_drones(yard)[0].mav0 / "imu0" / "data.csv", 100);
-  EXPECT_NE(run("inspect " + yard.string() + to), "");
+  EXPECT_NE(complaint_of("inspect " + yard.string() + to), "");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1)
       << "only the yard";
 }

@@ -5,7 +5,6 @@
 // pipeline; minutes without optimisation.
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <filesystem>
 #include <functional>
@@ -15,7 +14,7 @@
 #include "apps/dataset.h"
 #include "apps/path_figures.h"
 #include "apps/pipeline.h"
-#include "apps/simulate_command.h"
+#include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -64,10 +63,7 @@ Honesty fly(const Dataset& dataset, const Failure& failure) {
 }
 
 void simulate(const std::string& seed, const std::filesystem::path& out) {
-  CLI::App app;
-  add_simulate_command(app);
-  app.parse("simulate mars_yard --seconds 4 --rate 15 --seed " + seed + " --out " + out.string(),
-            false);
+  run_command("simulate mars_yard --seconds 4 --rate 15 --seed " + seed + " --out " + out.string());
 }
 
 Honesty mean_honesty(const Failure& failure) {

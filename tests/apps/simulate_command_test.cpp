@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -13,6 +12,7 @@
 #include "apps/dataset.h"
 #include "apps/png_file.h"
 #include "apps/thermal_truth_file.h"
+#include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -21,17 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-// The command as a person would type it; what it complains about, or nothing.
-std::string simulate(const std::string& arguments) {
-  CLI::App app;
-  add_simulate_command(app);
-  try {
-    app.parse("simulate " + arguments, false);
-    return "";
-  } catch (const std::exception& error) {
-    return error.what();
-  }
-}
+std::string simulate(const std::string& arguments) { return complaint_of("simulate " + arguments); }
 
 std::string bytes(const fs::path& file) {
   std::ifstream stream(file, std::ios::binary);

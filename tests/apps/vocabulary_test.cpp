@@ -4,17 +4,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <iterator>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
 #include "apps/png_file.h"
-#include "apps/train_vocabulary_command.h"
 #include "apps/training_images.h"
 #include "apps/vocabulary_file.h"
 #include "frontend/vocabulary_thermal.h"
 #include "frontend/vocabulary_visual.h"
+#include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -23,16 +22,8 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-// The command as a person would type it; what it complains about, or nothing.
 std::string train(const std::string& arguments) {
-  CLI::App app;
-  add_train_vocabulary_command(app);
-  try {
-    app.parse("train-vocabulary " + arguments, false);
-    return "";
-  } catch (const std::exception& error) {
-    return error.what();
-  }
+  return complaint_of("train-vocabulary " + arguments);
 }
 
 std::string complaint_of_loading(const std::string& name_or_path) {
