@@ -39,6 +39,34 @@ covey::LinkReport report() {
   return out;
 }
 
+// The start of each of fuzz_files' readers' files, the reader's number before it.
+void write_files(const std::filesystem::path& folder) {
+  const std::string contents[] = {
+      "# t x y z qx qy qz qw\n0.05 1 2 3 0 0 0 1\n0.10 1 2 3.1 0 0 0 1\n",
+      "#stamp_ns\n50000000,1,0,0,0,0,0,1,0,0,0,0,1,0,0,0,1,0,0,1,0,1\n",
+      "#timestamp [ns],w,a\n5000000,0.1,0,0,0,0,9.81\n10000000,0.1,0,0,0,0,9.81\n",
+      "#timestamp,p,q,v,bw,ba\n5000000,1,2,3,1,0,0,0,0,0,0,0,0,0,0,0,0\n",
+      "T_BS:\n  rows: 4\n  cols: 4\n  data: [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n"
+      "resolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [400, 400, 320, 240]\n"
+      "distortion_model: radial-tangential\ndistortion_coefficients: [0, 0, 0, 0]\n",
+      "gyroscope_noise_density: 1e-4\ngyroscope_random_walk: 1e-5\n"
+      "accelerometer_noise_density: 1e-3\naccelerometer_random_walk: 1e-4\nrate_hz: 200\n",
+      std::string(64, '3') + "\n",
+      R"({"tracker": {"max_tracks": 200}, "link": {"profile": {"name": "clean"}}})",
+      R"({"name": "a", "scenario": "castle_around", "loss": [0, 0.1], "seeds": [1]})",
+      "stamp_ns,read_ms\n5,0.1\n",
+      "clock_ms,event,peer,keyframe_id\n0.5,asked,uav1,3\n",
+      "0.1,0.2\n0.3,0.4\n",
+      "\x89PNG\r\n\x1a\n",
+  };
+  char reader = 0;
+  for (const std::string& content : contents) {
+    const std::string bytes = reader + content;
+    write(folder / ("file_" + std::to_string(reader)), {bytes.begin(), bytes.end()});
+    ++reader;
+  }
+}
+
 void write_all(const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   covey::PlaceAdvert advert = covey::samples::advert();
@@ -62,6 +90,7 @@ void write_all(const std::filesystem::path& folder) {
                  {Kind::kRequest, encode(advert)},
                  {Kind::kMessage, encode(covey::samples::keyframe("uav1", "uav0", 1))},
                  {Kind::kStatus, encode(covey::StatusSample{covey::samples::status(), {}})}}));
+  write_files(folder);
 }
 
 }  // namespace

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The readers of files that come from elsewhere, under libFuzzer: the first byte says which, the
+// rest is the file. A reader returns, or throws the std::runtime_error that a person is shown.
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+
+#include "apps/config_file.h"
+#include "apps/dataset.h"
+#include "apps/lab_experiment.h"
+#include "apps/png_file.h"
+#include "apps/run_files.h"
+#include "apps/sensor_file.h"
+#include "apps/trajectory_file.h"
+#include "apps/vocabulary_file.h"
+
+namespace {
+
+using Reader = void (*)(const std::string&);
+constexpr Reader kReaders[] = {
+    [](const std::string& file) { (void)covey::read_trajectory(file); },
+    [](const std::string& file) { (void)covey::read_covariances(file); },
+    [](const std::string& file) { (void)covey::read_imu(file); },
+    [](const std::string& file) { (void)covey::read_ground_truth(file); },
+    [](const std::string& file) { (void)covey::read_camera_file(file); },
+    [](const std::string& file) { (void)covey::read_imu_file(file); },
+    [](const std::string& file) { (void)covey::load_vocabulary(file); },
+    [](const std::string& file) { (void)covey::read_config(file); },
+    [](const std::string& file) { (void)covey::read_experiment(file); },
+    [](const std::string& file) { (void)covey::read_timings(file); },
+    [](const std::string& file) { (void)covey::read_exchange(file); },
+    [](const std::string& file) { (void)covey::read_field(file); },
+    [](const std::string& file) { (void)covey::read_png(file); },
+};
+
+// A file that is nowhere on disk.
+class MemoryFile {
+ public:
+  MemoryFile() : descriptor_(memfd_create("fuzzed", MFD_CLOEXEC)) {
+    if (descriptor_ < 0) std::abort();
+  }
+  void hold(const std::uint8_t* data, std::size_t size) const {
+    if (ftruncate(descriptor_, 0) != 0) std::abort();
+    if (pwrite(descriptor_, data, size, 0) != static_cast<ssize_t>(size)) std::abort();
+  }
+  [[nodiscard]] std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+
+ private:
+  int descriptor_;
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const MemoryFile file;
+  if (size == 0) return 0;
+  file.hold(data + 1, size - 1);
+  try {
+    kReaders[data[0] % std::size(kReaders)](file.path());
+  } catch (const std::runtime_error&) {
+  }
+  return 0;
+}
