@@ -9,6 +9,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "apps/json_file.h"
 #include "apps/link_process.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "apps/config_json.h"
+#include "apps/json_file.h"
 
 namespace covey {
 namespace {
@@ -78,23 +79,13 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
   config = merged;
 }
 
-nlohmann::json parse_config_file(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  if (!stream) throw std::runtime_error(file.string() + ": the configuration cannot be read");
-  try {
-    return nlohmann::json::parse(stream);
-  } catch (const nlohmann::json::parse_error& error) {
-    throw std::runtime_error(file.string() + ": not valid JSON: " + error.what());
-  }
-}
-
 bool is_calibrated(ThermalMode mode, bool thermal) {
   return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
 }
 
 AgentConfig read_config(const std::filesystem::path& file) {
   AgentConfig config;
-  merge_config(parse_config_file(file), file.string(), config);
+  merge_config(read_json_file(file), file.string(), config);
   return config;
 }
 

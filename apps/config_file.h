@@ -106,7 +106,6 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor);
 void merge_config(const nlohmann::json& json, const std::string& file, AgentConfig& config);
 
 [[nodiscard]] AgentConfig read_config(const std::filesystem::path& file);
-[[nodiscard]] nlohmann::json parse_config_file(const std::filesystem::path& file);
 
 // The link of this drone, as its settings want it.
 [[nodiscard]] LinkConfig link_config(const AgentConfig& config);

@@ -10,6 +10,7 @@
 
 #include "apps/chart_sheet.h"
 #include "apps/inspect_pictures.h"
+#include "apps/json_file.h"
 #include "apps/png_file.h"
 #include "apps/report_charts.h"
 #include "apps/report_style.h"

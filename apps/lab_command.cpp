@@ -17,9 +17,9 @@
 #include "apps/child_process.h"
 #include "apps/config_file.h"
 #include "apps/drone_network.h"
+#include "apps/json_file.h"
 #include "apps/lab_run.h"
 #include "apps/process_usage.h"
-#include "apps/run_summary.h"
 #include "apps/stop_signal.h"
 
 namespace covey {
@@ -35,7 +35,7 @@ struct Options {
 
 // Results of two experiments do not mix.
 void prepare_folder(const Options& options) {
-  const nlohmann::json wanted = parse_config_file(options.experiment);
+  const nlohmann::json wanted = read_json_file(options.experiment);
   const fs::path kept = fs::path(options.out) / kExperimentFile;
   fs::create_directories(options.out);
   if (fs::exists(kept)) {

@@ -8,6 +8,7 @@
 #include "apps/config_file.h"
 #include "apps/config_visitor.h"
 #include "apps/drone_network.h"
+#include "apps/json_file.h"
 
 namespace covey {
 namespace {
@@ -283,7 +284,7 @@ LabExperiment experiment_from_json(const Json& json, const std::string& file) {
 }
 
 LabExperiment read_experiment(const std::filesystem::path& file) {
-  return experiment_from_json(parse_config_file(file), file.string());
+  return experiment_from_json(read_json_file(file), file.string());
 }
 
 std::vector<LabCell> cells_of(const LabExperiment& experiment) {

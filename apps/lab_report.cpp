@@ -11,6 +11,7 @@
 #include <set>
 #include <utility>
 
+#include "apps/json_file.h"
 #include "apps/report_style.h"
 #include "apps/run_summary.h"
 #include "apps/svg.h"

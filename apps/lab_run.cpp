@@ -12,6 +12,7 @@
 
 #include "apps/agent.h"
 #include "apps/dataset.h"
+#include "apps/json_file.h"
 #include "apps/lab_figures.h"
 #include "apps/lab_flight.h"
 #include "apps/process_usage.h"

@@ -88,7 +88,7 @@ struct ProfileFile {
 Json parse(std::istream& stream, const std::string& name) {
   try {
     return Json::parse(stream);
-  } catch (const Json::parse_error& error) {
+  } catch (const Json::exception& error) {
     throw std::runtime_error(name + ": not valid JSON: " + error.what());
   }
 }

@@ -261,9 +261,8 @@ cv::Mat read_field(const std::filesystem::path& file) {
   CsvReader reader(file, CsvReader::Separator::kComma);
   cv::Mat field;
   while (reader.next()) {
-    if (!field.empty())
-      reader.require_columns(static_cast<std::size_t>(field.cols), "as the first row has");
     cv::Mat row(1, static_cast<int>(reader.columns()), CV_32FC1);
+    if (!field.empty() && row.cols != field.cols) reader.fail("not as wide as the first row");
     for (int x = 0; x < row.cols; ++x)
       row.at<float>(0, x) = static_cast<float>(reader.number(static_cast<std::size_t>(x)));
     field.push_back(row);

@@ -2,11 +2,10 @@
 #include "apps/run_summary.h"
 
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "apps/whole_file.h"
+#include "apps/json_file.h"
 
 namespace covey {
 namespace {
@@ -311,20 +310,6 @@ RunSummary run_summary_from_json(const nlohmann::json& json, const std::string& 
     run.agents[name] = agent_from(agents.child(name));
   }
   return run;
-}
-
-void write_json_file(const std::filesystem::path& file, const nlohmann::json& json) {
-  write_whole_file(file, json.dump(2) + '\n');
-}
-
-nlohmann::json read_json_file(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  if (!stream) throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
-  try {
-    return Json::parse(stream);
-  } catch (const Json::exception& error) {
-    throw std::runtime_error(file.string() + ": not json: " + error.what());
-  }
 }
 
 void write_run_summary(const std::filesystem::path& file, const RunSummary& run) {

@@ -100,9 +100,6 @@ struct RunSummary {
 [[nodiscard]] RunSummary run_summary_from_json(const nlohmann::json& json,
                                                const std::string& where);
 
-// Written beside and renamed: a reader sees the old file or the new one, never half of one.
-void write_json_file(const std::filesystem::path& file, const nlohmann::json& json);
-[[nodiscard]] nlohmann::json read_json_file(const std::filesystem::path& file);
 void write_run_summary(const std::filesystem::path& file, const RunSummary& run);
 [[nodiscard]] RunSummary read_run_summary(const std::filesystem::path& file);
 

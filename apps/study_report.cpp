@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "apps/json_file.h"
 #include "apps/report_style.h"
 #include "apps/run_summary.h"
 #include "apps/svg.h"

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "apps/agent.h"
+#include "apps/json_file.h"
 #include "apps/process_usage.h"
 #include "apps/report.h"
 #include "apps/stop_signal.h"
@@ -141,7 +142,7 @@ TeamOptions team_options(const Options& options) {
   team.init = chosen_start(options.init, team.drones);
   choose_pace(options.pace, team);
   if (!options.config_file.empty()) {
-    team.config = parse_config_file(options.config_file);
+    team.config = read_json_file(options.config_file);
     team.config_name = options.config_file;
   }
   team.unknown_start = options.unknown_start;

@@ -14,6 +14,7 @@
 #include <stdexcept>
 
 #include "apps/agent.h"
+#include "apps/json_file.h"
 #include "apps/trajectory_file.h"
 
 namespace covey {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/agent.h"
+#include "apps/json_file.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
 

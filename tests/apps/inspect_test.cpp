@@ -9,8 +9,8 @@
 #include <string>
 
 #include "apps/inspect_pictures.h"
+#include "apps/json_file.h"
 #include "apps/png_file.h"
-#include "apps/run_summary.h"
 #include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "apps/json_file.h"
 #include "apps/place_survey.h"
-#include "apps/run_summary.h"
 #include "apps/vocabulary_file.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"

@@ -8,9 +8,9 @@
 #include <random>
 
 #include "apps/bag_of_words.h"
+#include "apps/json_file.h"
 #include "apps/place_comparison.h"
 #include "apps/place_report.h"
-#include "apps/run_summary.h"
 #include "frontend/vocabulary_visual.h"
 #include "tests/apps/temporary_folder.h"
 #include "tests/frontend/euroc_camera.h"

@@ -157,8 +157,10 @@ TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
   EXPECT_EQ(count(html, "fill-opacity=\"0.25\""), 20u * 32);
   EXPECT_EQ(read_thermal(run() / "uav1" / kThermalFile).back().chain_ns, stamp_of(40));
 
-  std::ofstream(run() / "uav1" / kFieldFile) << "1,2\n3\n";
-  EXPECT_THAT(drawn(), HasSubstr("thermal_field.csv:2"));
+  for (const char* ragged : {"1,2\n3\n", "1\n2,3\n"}) {
+    std::ofstream(run() / "uav1" / kFieldFile) << ragged;
+    EXPECT_THAT(drawn(), HasSubstr("thermal_field.csv:2"));
+  }
 }
 
 TEST_F(Report, IsSelfContained) {

@@ -155,7 +155,7 @@ TEST(RunSummary, AFileThatIsNotJsonIsNamed) {
   const TemporaryFolder folder;
   const auto file = folder.write("summary.json", "{\"schema\": 1,");
   EXPECT_THAT([&] { (void)read_run_summary(file); },
-              ThrowsMessage<std::runtime_error>(HasSubstr("summary.json: not json")));
+              ThrowsMessage<std::runtime_error>(HasSubstr("summary.json: not valid JSON")));
 }
 
 TEST(RunSummary, StagesThatNeverRanHaveNoMean) {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "apps/run_summary.h"
+#include "apps/json_file.h"
 #include "apps/study_report.h"
 #include "tests/apps/temporary_folder.h"
 

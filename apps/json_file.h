@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+namespace covey {
+
+// Throws std::runtime_error that names the file when it cannot be read or is not JSON.
+[[nodiscard]] nlohmann::json read_json_file(const std::filesystem::path& file);
+
+// Written beside and renamed: a reader sees the old file or the new one, never half of one.
+void write_json_file(const std::filesystem::path& file, const nlohmann::json& json);
+
+}  // namespace covey
