@@ -81,10 +81,6 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   return landmarks;
 }
 
-OtherKeyframe other_keyframe(const PeerKeyframe& message) {
-  return {message.sender, message.pose, message.before, message.patch_spacing, message.landmarks};
-}
-
 // What is still tracked has been used all along: it says nothing new of the drift since then.
 std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& landmarks,
                                         const Keyframe& newest) {
@@ -182,13 +178,18 @@ std::optional<PeerKeyframe> Collaborator::announcement() const {
   if (!newest) return std::nullopt;
   const std::vector<KeyframeFeature> landmarks = landmarks_of(*newest);
   if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) return std::nullopt;
-  return PeerKeyframe{config_.agent,
-                      "",
-                      0,
-                      newest->pose,
-                      newest->before,
-                      patch_spacing_,
-                      to_peer_landmarks(landmarks)};
+  return told(*newest, landmarks);
+}
+
+PeerKeyframe Collaborator::told(const Keyframe& keyframe,
+                                const std::vector<KeyframeFeature>& landmarks) const {
+  return {config_.agent,
+          "",
+          0,
+          keyframe.pose,
+          keyframe.before,
+          patch_spacing_,
+          to_peer_landmarks(landmarks)};
 }
 
 PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
@@ -233,7 +234,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   const CameraView view = view_of(*newest);
   struct Candidate {
     const Keyframe* own = nullptr;
-    const OtherKeyframe* peer = nullptr;
+    const PeerKeyframe* peer = nullptr;
   };
   NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
                                                config_.max_revisits);
@@ -242,11 +243,14 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
     nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
   }
   for (const auto& [peer, peer_view] : remembered_) {
-    nearest.consider(peer.drone, view_difference(peer_view, view), {nullptr, &peer});
+    nearest.consider(peer.sender, view_difference(peer_view, view), {nullptr, &peer});
   }
   for (const Candidate& candidate : nearest.take()) {
-    auto result = matcher_.match(
-        *newest, candidate.own ? old_keyframe(*candidate.own, *newest) : *candidate.peer);
+    auto result =
+        candidate.peer
+            ? matcher_.match(*newest, *candidate.peer)
+            : matcher_.match(
+                  *newest, told(*candidate.own, lost_since(landmarks_of(*candidate.own), *newest)));
     auto* match = std::get_if<KeyframeMatch>(&result);
     if (match == nullptr) continue;
     ++report_.revisits;
@@ -255,15 +259,10 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   return matches;
 }
 
-OtherKeyframe Collaborator::old_keyframe(const Keyframe& old, const Keyframe& newest) const {
-  return {config_.agent, old.pose, old.before, patch_spacing_,
-          to_peer_landmarks(lost_since(landmarks_of(old), newest))};
-}
-
 void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
   const bool known =
       std::any_of(remembered_.begin(), remembered_.end(), [&](const Remembered& seen) {
-        return seen.keyframe.drone == message.sender &&
+        return seen.keyframe.sender == message.sender &&
                seen.keyframe.pose.keyframe_id == message.pose.keyframe_id;
       });
   if (known) return;
@@ -274,7 +273,7 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
                         depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
-  remembered_.push_back({other_keyframe(message), view});
+  remembered_.push_back({message, view});
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -321,13 +320,10 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
     best_landmarks = std::move(landmarks);
   }
   if (best == nullptr) return std::nullopt;
-  return PeerKeyframe{config_.agent,
-                      advert.sender,
-                      advert.keyframe_id,
-                      best->pose,
-                      best->before,
-                      patch_spacing_,
-                      to_peer_landmarks(most_useful(best_landmarks, advert))};
+  PeerKeyframe answer = told(*best, most_useful(best_landmarks, advert));
+  answer.receiver = advert.sender;
+  answer.request_keyframe_id = advert.keyframe_id;
+  return answer;
 }
 
 std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
@@ -405,7 +401,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyfra
   const Keyframe* own = for_all ? newest_image() : find_image(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  return matcher_.match(*own, other_keyframe(message));
+  return matcher_.match(*own, message);
 }
 
 }  // namespace covey

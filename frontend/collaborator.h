@@ -157,8 +157,9 @@ class Collaborator {
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
       const PeerKeyframe& message) const;
-  // An older keyframe of the own, beside the newest.
-  [[nodiscard]] OtherKeyframe old_keyframe(const Keyframe& old, const Keyframe& newest) const;
+  // A keyframe as a peer is told it; the receiver and what it answers are left to fill in.
+  [[nodiscard]] PeerKeyframe told(const Keyframe& keyframe,
+                                  const std::vector<KeyframeFeature>& landmarks) const;
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
@@ -172,7 +173,7 @@ class Collaborator {
   KeyframeDatabase database_;
   std::deque<Keyframe> recent_frames_;  // no keyframes; oldest first
   struct Remembered {
-    OtherKeyframe keyframe;
+    PeerKeyframe keyframe;
     CameraView view;  // in the own world
   };
   std::deque<Remembered> remembered_;  // of peers, in the order in which they came

@@ -145,10 +145,10 @@ VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
 
 // By what the landmarks look like, where the other's pose says they must be. Chance finds scatter
 // over the whole reach of the search, so they have to agree much better than that.
-VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const OtherKeyframe& other,
+VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const PeerKeyframe& other,
                                                     const std::vector<PeerLandmark>& landmarks,
                                                     const std::vector<PeerPoint>& points) const {
-  const std::optional<Eigen::Isometry3d> world = world_of(other.drone);
+  const std::optional<Eigen::Isometry3d> world = world_of(other.sender);
   if (!world) return {};
   const Eigen::Isometry3d T_other_own =
       (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
@@ -164,7 +164,7 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const O
 }
 
 std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
-                                                            const OtherKeyframe& other) const {
+                                                            const PeerKeyframe& other) const {
   const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
   const std::vector<PeerLandmark> landmarks =
       usable_landmarks(other.landmarks, config_.max_relative_sigma);
@@ -188,10 +188,14 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
     return LandmarkMatch{track, bearing, landmark.bearing, landmark.inverse_depth,
                          landmark.inverse_depth_sigma};
   };
-  KeyframeMatch match{other.drone, own.pose,
-                      other.pose,  other.before,
-                      T_other_own, config_.sigma_px / focal_length_px_,
-                      {},          config_.aligned_sigma_px / focal_length_px_,
+  KeyframeMatch match{other.sender,
+                      own.pose,
+                      other.pose,
+                      other.before,
+                      T_other_own,
+                      config_.sigma_px / focal_length_px_,
+                      {},
+                      config_.aligned_sigma_px / focal_length_px_,
                       {}};
   for (const IndexPair& pair : pairs) {
     const KeyframeFeature& feature = own.features[pair.own];
@@ -204,7 +208,7 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
 }
 
 std::vector<KeyframeMatcher::FoundLandmark> KeyframeMatcher::look_for(
-    std::uint64_t own_keyframe, const OtherKeyframe& other,
+    std::uint64_t own_keyframe, const PeerKeyframe& other,
     const std::vector<PeerLandmark>& landmarks, const Eigen::Isometry3d& T_other_own) const {
   std::vector<FoundLandmark> found;
   const auto image = std::find_if(images_.rbegin(), images_.rend(),

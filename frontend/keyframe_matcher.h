@@ -65,14 +65,6 @@ struct NoMatch {
 
 [[nodiscard]] ShortDescriptor shortened(const BinaryDescriptor& descriptor);
 
-// What is known of another keyframe whose landmarks are looked for.
-struct OtherKeyframe {
-  std::string drone;
-  KeyframePose pose, before;  // as in PeerKeyframe
-  double patch_spacing = 0;   // between samples of a patch, normalised plane
-  std::vector<PeerLandmark> landmarks;
-};
-
 class KeyframeMatcher {
  public:
   KeyframeMatcher(const KeyframeMatcherConfig& config, const CameraIntrinsics& camera);
@@ -83,8 +75,9 @@ class KeyframeMatcher {
   // Where a drone's world lies in the own one, as far as that is known by now.
   void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
 
+  // `other`: whoever it was sent to; of an own one, what a peer would be told.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const Keyframe& own,
-                                                           const OtherKeyframe& other) const;
+                                                           const PeerKeyframe& other) const;
 
  private:
   // A landmark of the other one, by index, and its bearing in the own image.
@@ -93,11 +86,11 @@ class KeyframeMatcher {
     Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   };
   [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe,
-                                                    const OtherKeyframe& other,
+                                                    const PeerKeyframe& other,
                                                     const std::vector<PeerLandmark>& landmarks,
                                                     const Eigen::Isometry3d& T_other_own) const;
   [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
-  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const OtherKeyframe& other,
+  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const PeerKeyframe& other,
                                                    const std::vector<PeerLandmark>& landmarks,
                                                    const std::vector<PeerPoint>& points) const;
   [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
