@@ -2,7 +2,6 @@
 #include "apps/config_file.h"
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 

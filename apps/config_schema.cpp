@@ -259,25 +259,23 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
 }
 
 void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
-  v.count("match_max_distance_bits", c.matching.descriptors.max_distance_bits, {0, 64}, "of 64");
-  v.number("match_ratio", c.matching.descriptors.ratio, {0.01, 1}, "best to second best distance");
-  v.number("verify_inlier_px", c.matching.verification.inlier_px, {0.01, 100},
-           "[px] reprojection error");
-  v.count("verify_min_inliers", c.matching.verification.min_inliers, {3, 1e4}, "landmarks");
-  v.number("verify_min_inlier_share", c.matching.verification.min_inlier_share, {0, 1},
+  KeyframeMatcherConfig& m = c.matching;
+  v.count("match_max_distance_bits", m.descriptors.max_distance_bits, {0, 64}, "of 64");
+  v.number("match_ratio", m.descriptors.ratio, {0.01, 1}, "best to second best distance");
+  v.number("verify_inlier_px", m.verification.inlier_px, {0.01, 100}, "[px] reprojection error");
+  v.count("verify_min_inliers", m.verification.min_inliers, {3, 1e4}, "landmarks");
+  v.number("verify_min_inlier_share", m.verification.min_inlier_share, {0, 1},
            "of the descriptor matches");
-  v.count("verify_max_iterations", c.matching.verification.max_iterations, {1, 1e6}, "of RANSAC");
-  v.number("verify_max_offset_sigma_m", c.matching.verification.max_offset_sigma, {0, 1e6},
+  v.count("verify_max_iterations", m.verification.max_iterations, {1, 1e6}, "of RANSAC");
+  v.number("verify_max_offset_sigma_m", m.verification.max_offset_sigma, {0, 1e6},
            "[m] left by the inliers at 1 px");
-  v.number("verify_max_offset_m", c.matching.verification.max_offset, {0, 1e6},
-           "[m] between two drones");
-  v.angle("verify_max_yaw_deg", c.matching.verification.max_yaw, {0, 180},
-          "[deg] between two drones");
-  v.number("guided_radius_px", c.matching.guided.radius_px, {0.01, 100},
+  v.number("verify_max_offset_m", m.verification.max_offset, {0, 1e6}, "[m] between two drones");
+  v.angle("verify_max_yaw_deg", m.verification.max_yaw, {0, 180}, "[deg] between two drones");
+  v.number("guided_radius_px", m.guided.radius_px, {0.01, 100},
            "[px] about where a peer's landmark must appear");
-  v.count("guided_max_distance_bits", c.matching.guided.max_distance_bits, {0, 64}, "of 64");
-  v.count("min_matches", c.matching.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
-  v.number("matching_sigma_px", c.matching.sigma_px, {0, 100},
+  v.count("guided_max_distance_bits", m.guided.max_distance_bits, {0, 64}, "of 64");
+  v.count("min_matches", m.min_matches, {1, 1e4}, "landmarks; fewer are no matches");
+  v.number("matching_sigma_px", m.sigma_px, {0, 100},
            "[px] to which two descriptors agree on a corner");
 }
 

@@ -128,10 +128,9 @@ FeatureExchange::Sight FeatureExchange::sight_of(std::size_t drone,
   for (const FlownFeature& feature : keyframe.features) {
     const bool wanted = config_.landmarks == SharedLandmarks::kAll ||
                         (config_.landmarks == SharedLandmarks::kSlam) == feature.slam;
-    const bool certain = feature.inverse_depth > 0 &&
-                         feature.inverse_depth_sigma <=
-                             config_.limits.matching.max_relative_sigma * feature.inverse_depth;
-    if (wanted && certain) sight.landmarks.push_back(feature);
+    if (wanted && is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
+                             config_.limits.matching.max_relative_sigma))
+      sight.landmarks.push_back(feature);
   }
   return sight;
 }

@@ -8,14 +8,18 @@
 
 namespace covey {
 
-nlohmann::json read_json_file(const std::filesystem::path& file) {
-  std::ifstream stream(file);
-  if (!stream) throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
+nlohmann::json parse_json(std::istream& stream, const std::string& name) {
   try {
     return nlohmann::json::parse(stream);
   } catch (const nlohmann::json::exception& error) {
-    throw std::runtime_error(file.string() + ": not valid JSON: " + error.what());
+    throw std::runtime_error(name + ": not valid JSON: " + error.what());
   }
+}
+
+nlohmann::json read_json_file(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  if (!stream) throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
+  return parse_json(stream, file.string());
 }
 
 void write_json_file(const std::filesystem::path& file, const nlohmann::json& json) {

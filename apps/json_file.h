@@ -2,9 +2,14 @@
 #pragma once
 
 #include <filesystem>
+#include <istream>
 #include <nlohmann/json.hpp>
+#include <string>
 
 namespace covey {
+
+// Throws std::runtime_error that names the source, `name`, when it is not JSON.
+[[nodiscard]] nlohmann::json parse_json(std::istream& stream, const std::string& name);
 
 // Throws std::runtime_error that names the file when it cannot be read or is not JSON.
 [[nodiscard]] nlohmann::json read_json_file(const std::filesystem::path& file);

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "apps/config_json.h"
+#include "apps/json_file.h"
 #include "apps/shipped_profiles.h"
 
 namespace covey {
@@ -85,14 +86,6 @@ struct ProfileFile {
   std::map<std::string, Json> profiles;
 };
 
-Json parse(std::istream& stream, const std::string& name) {
-  try {
-    return Json::parse(stream);
-  } catch (const Json::exception& error) {
-    throw std::runtime_error(name + ": not valid JSON: " + error.what());
-  }
-}
-
 std::map<std::string, Json> profiles_in(const Json& json, const std::string& name) {
   const auto found = json.is_object() ? json.find("profiles") : json.end();
   if (found == json.end() || !found->is_object())
@@ -110,7 +103,7 @@ ProfileFile open_profiles(const std::string& file) {
   std::ifstream stream(file);
   if (!std::filesystem::is_regular_file(file) || !stream)
     throw std::runtime_error(file + ": the profiles cannot be read");
-  out.profiles = profiles_in(parse(stream, file), out.name);
+  out.profiles = profiles_in(parse_json(stream, file), out.name);
   return out;
 }
 

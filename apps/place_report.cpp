@@ -8,7 +8,6 @@
 
 #include "apps/chart_sheet.h"
 #include "apps/json_file.h"
-#include "apps/run_summary.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
 

@@ -6,7 +6,6 @@
 
 #include "apps/json_file.h"
 #include "apps/report_style.h"
-#include "apps/run_summary.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
 

@@ -23,21 +23,17 @@
 
 namespace {
 
-using Reader = void (*)(const std::string&);
-constexpr Reader kReaders[] = {
-    [](const std::string& file) { (void)covey::read_trajectory(file); },
-    [](const std::string& file) { (void)covey::read_covariances(file); },
-    [](const std::string& file) { (void)covey::read_imu(file); },
-    [](const std::string& file) { (void)covey::read_ground_truth(file); },
-    [](const std::string& file) { (void)covey::read_camera_file(file); },
-    [](const std::string& file) { (void)covey::read_imu_file(file); },
-    [](const std::string& file) { (void)covey::load_vocabulary(file); },
-    [](const std::string& file) { (void)covey::read_config(file); },
-    [](const std::string& file) { (void)covey::read_experiment(file); },
-    [](const std::string& file) { (void)covey::read_timings(file); },
-    [](const std::string& file) { (void)covey::read_exchange(file); },
-    [](const std::string& file) { (void)covey::read_field(file); },
-    [](const std::string& file) { (void)covey::read_png(file); },
+template <auto reader>
+void read(const std::string& file) {
+  (void)reader(file);
+}
+
+constexpr void (*kReaders[])(const std::string&) = {
+    read<covey::read_trajectory>,   read<covey::read_covariances>, read<covey::read_imu>,
+    read<covey::read_ground_truth>, read<covey::read_camera_file>, read<covey::read_imu_file>,
+    read<covey::load_vocabulary>,   read<covey::read_config>,      read<covey::read_experiment>,
+    read<covey::read_timings>,      read<covey::read_exchange>,    read<covey::read_field>,
+    read<covey::read_png>,
 };
 
 // A file that is nowhere on disk.
