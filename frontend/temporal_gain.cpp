@@ -49,7 +49,7 @@ std::optional<GainOffset> orthogonal_fit(const Moments& m, double ratio) {
   return map;
 }
 
-bool is_by_patch(const std::vector<TrackGrey>& tracks) {
+[[maybe_unused]] bool is_by_patch(const std::vector<TrackGrey>& tracks) {
   return std::is_sorted(tracks.begin(), tracks.end(), [](const TrackGrey& a, const TrackGrey& b) {
     return a.patch_id < b.patch_id;
   });
