@@ -230,6 +230,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
            "of exchange 'compact', the others use paper");
   v.number("place_threshold", c.place_threshold, {0, 1},
            "least score that is answered; 0: what suits the mode");
+  v.number("answer_max_difference", c.answer_max_difference, {0, 100},
+           "of a keyframe that is answered: way over depth, plus angle in rad, beyond doubt");
   v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");
   v.number("resend_interval_s", c.limiter.resend_interval_s, {0, 1e4},
            "[s] same keyframe to one peer");

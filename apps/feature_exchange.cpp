@@ -61,7 +61,11 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
   self.keyframes.back().before = before;
   if (self.silent) return;
   const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
-  const PlaceAdvert advert{self.name, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, 1,
+  const PlaceAdvert advert{self.name,
+                           keyframe.pose.keyframe_id,
+                           keyframe.pose.stamp_ns,
+                           1,
+                           {},
                            std::vector<std::uint8_t>(corners * kCompactBytes)};
   ++self.traffic.keyframes;
   self.traffic.advert_bytes += encode(advert).size();

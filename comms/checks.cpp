@@ -37,12 +37,27 @@ Problem problem_with(const PeerLandmark& landmark) {
   return {};
 }
 
-Problem problem_with(const KeyframePose& pose) {
-  if (!is_stamp(pose.stamp_ns)) return "stamp not plausible";
-  if (!within(pose.T_world_cam.translation(), kMaxPosition)) return "position not plausible";
-  const Eigen::Matrix3d R = pose.T_world_cam.linear();
+Problem problem_with(const Eigen::Isometry3d& T_world_cam) {
+  if (!within(T_world_cam.translation(), kMaxPosition)) return "position not plausible";
+  const Eigen::Matrix3d R = T_world_cam.linear();
   if (!within(R.transpose() * R - Eigen::Matrix3d::Identity(), kUnitTolerance))
     return "attitude is not a rotation";
+  return {};
+}
+
+Problem problem_with(const CameraView& view) {
+  if (const Problem problem = problem_with(view.T_world_cam)) return problem;
+  // Written so that NaN fails too.
+  const double rho = 1 / view.mean_depth;
+  if (!(rho >= kMinInverseDepth && rho <= kMaxInverseDepth)) return "depth not plausible";
+  if (!(view.sigma >= 0 && view.sigma <= kMaxViewSigma))
+    return "uncertainty of the view not plausible";
+  return {};
+}
+
+Problem problem_with(const KeyframePose& pose) {
+  if (!is_stamp(pose.stamp_ns)) return "stamp not plausible";
+  if (const Problem problem = problem_with(pose.T_world_cam)) return problem;
   if (!is_covariance<6>(pose.covariance, 0.0))
     return "pose covariance not positive definite or not plausible";
   return {};
@@ -116,6 +131,7 @@ bool is_unit(const Eigen::Quaterniond& q) { return std::abs(q.norm() - 1.0) <= k
 Problem problem_with(const PlaceAdvert& advert) {
   if (!is_agent_name(advert.sender)) return "sender is not a drone's name";
   if (!is_stamp(advert.stamp_ns)) return "stamp not plausible";
+  if (const Problem problem = problem_with(advert.view)) return problem;
   if (advert.descriptor.empty()) return "place descriptor is empty";
   if (advert.descriptor.size() > kMaxDescriptorBytes) return "place descriptor too long";
   return {};

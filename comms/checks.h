@@ -29,6 +29,7 @@ inline constexpr double kMaxSpeed = 200.0;                                      
 inline constexpr double kMaxGyroBias = 10.0;                                       // rad/s
 inline constexpr double kMaxAccelBias = 100.0;                                     // m/s2
 inline constexpr double kMaxSigma = 1e4;                                           // m or rad
+inline constexpr double kMaxViewSigma = 1e9;                                       // CameraView
 
 // Not negative, and so that differences cannot overflow.
 [[nodiscard]] bool is_stamp(TimeNs stamp_ns);

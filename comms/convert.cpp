@@ -186,6 +186,10 @@ PlaceAdvert from_wire(const wire::RequestUAV& request) {
   out.keyframe_id = request.keyframe_id();
   out.stamp_ns = request.stamp_ns();
   out.vocabulary_hash = request.vocabulary_hash();
+  out.view.T_world_cam.linear() = to_quaternion(request.q_world_cam_xyzw()).toRotationMatrix();
+  out.view.T_world_cam.translation() = to_vector(request.p_world_cam());
+  out.view.mean_depth = request.mean_depth();
+  out.view.sigma = request.view_sigma();
   out.descriptor = request.descriptor();
   return out;
 }
@@ -267,6 +271,11 @@ Bytes encode(const PlaceAdvert& advert) {
   out.keyframe_id(advert.keyframe_id);
   out.stamp_ns(advert.stamp_ns);
   out.vocabulary_hash(advert.vocabulary_hash);
+  const Eigen::Isometry3d& T_world_cam = advert.view.T_world_cam;
+  out.p_world_cam(to_array<float, 3>(T_world_cam.translation()));
+  out.q_world_cam_xyzw(to_array<float, 4>(Eigen::Quaterniond(T_world_cam.linear()).coeffs()));
+  out.mean_depth(static_cast<float>(advert.view.mean_depth));
+  out.view_sigma(static_cast<float>(advert.view.sigma));
   out.descriptor(advert.descriptor);
   return serialize(out);
 }

@@ -99,12 +99,20 @@ struct KeyframePose {
   Matrix6d covariance = Matrix6d::Identity();  // of [dp dtheta], both in world: R = Exp(dtheta) R^
 };
 
+// Where a camera looks from, how far, and how sure that is.
+struct CameraView {
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
+  double mean_depth = 1;  // m
+  double sigma = 0;       // of the position over the depth, plus of the attitude [rad]
+};
+
 // "I am here: has anybody seen this place?" (the paper's RequestUAV)
 struct PlaceAdvert {
   std::string sender;
   std::uint64_t keyframe_id = 0;         // counts up per sender; the answer repeats it
   TimeNs stamp_ns = 0;                   // of the keyframe's image
   std::uint64_t vocabulary_hash = 0;     // words of another vocabulary mean nothing: refused
+  CameraView view;                       // in the sender's world: for choosing an answer, no more
   std::vector<std::uint8_t> descriptor;  // of the place: binary VLAD or shortened corners
 };
 

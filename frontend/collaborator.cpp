@@ -81,6 +81,22 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   return landmarks;
 }
 
+// Between a keyframe's view and the one that was asked from, at least: drift may have made the
+// rest.
+double sure_difference(const Keyframe& keyframe, const CameraView& asked_from) {
+  constexpr double kSigmas = 3;
+  return view_difference(view_of(keyframe), asked_from) - kSigmas * asked_from.sigma;
+}
+
+// The same landmarks tell a relative pose the better the nearer the views are, until a difference
+// of about kLeastDifference.
+double answer_worth(double score, const Keyframe& keyframe,
+                    const std::optional<CameraView>& asked_from) {
+  constexpr double kLeastDifference = 0.3;
+  if (!asked_from) return score;
+  return score / (kLeastDifference + view_difference(view_of(keyframe), *asked_from));
+}
+
 // What is still tracked has been used all along: it says nothing new of the drift since then.
 std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& landmarks,
                                         const Keyframe& newest) {
@@ -193,8 +209,8 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
 }
 
 PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
-  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_,
-          keyframe.place};
+  return {config_.agent,    keyframe.pose.keyframe_id, keyframe.pose.stamp_ns,
+          vocabulary_hash_, view_of(keyframe),         keyframe.place};
 }
 
 Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
@@ -309,13 +325,16 @@ int* Collaborator::refusal(const PlaceAdvert& advert) {
 std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert) const {
   const Keyframe* best = nullptr;
   std::vector<KeyframeFeature> best_landmarks;
-  double best_score = place_threshold_;
-  for (const RankedKeyframe& candidate : similar_keyframes(advert)) {
+  double best_worth = 0;
+  const std::optional<CameraView> asked_from = view_of_asker(advert);
+  for (const RankedKeyframe& candidate : similar_keyframes(advert, asked_from)) {
     std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
     const double score = landmark_score(advert, candidate, landmarks);
-    if (score < best_score) continue;
-    best_score = score;
+    if (score < place_threshold_) continue;
+    const double worth = answer_worth(score, *candidate.keyframe, asked_from);
+    if (worth < best_worth) continue;
+    best_worth = worth;
     best = candidate.keyframe;
     best_landmarks = std::move(landmarks);
   }
@@ -326,11 +345,25 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   return answer;
 }
 
+// In the own world, as far as it is known where the asker's lies. Its sigma is that of both drones'
+// odometry since the start: drift that has been found since is in the alignment.
+std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert) const {
+  const std::optional<Eigen::Isometry3d> world = matcher_.world_of(advert.sender);
+  const Keyframe* newest = database_.last();
+  if (!world || !newest || config_.exchange != ExchangeMode::kCompact) return std::nullopt;
+  CameraView view = advert.view;
+  view.T_world_cam = *world * view.T_world_cam;
+  view.sigma += view_of(*newest).sigma;
+  return view;
+}
+
 std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
-    const PlaceAdvert& advert) const {
+    const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
   constexpr std::size_t kCandidates = 5;
   std::vector<RankedKeyframe> similar;
   for (const Keyframe& keyframe : database_.keyframes()) {
+    if (asked_from && sure_difference(keyframe, *asked_from) > config_.answer_max_difference)
+      continue;
     const double score = place_score(config_.place_mode, advert.descriptor, keyframe.place);
     if (score >= place_threshold_) similar.push_back({&keyframe, score});
   }

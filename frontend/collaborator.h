@@ -66,8 +66,9 @@ struct CollaboratorConfig {
   PlaceMode place_mode = PlaceMode::kCompact;  // of the compact exchange; others: kPaper
   double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
   AnswerLimiter::Config limiter;  // of the compact exchange
-  int min_landmarks = 8;          // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 95;         // of an answer; all, if the exchange is not compact
+  double answer_max_difference = 2.0;  // between the views, as far as they are sure
+  int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
+  int max_landmarks = 95;              // of an answer; all, if the exchange is not compact
   KeyframeMatcherConfig matching;
 };
 
@@ -147,8 +148,10 @@ class Collaborator {
   [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   // The counter of why an advert gets no answer, or null.
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
+  [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
-  [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(const PlaceAdvert& advert) const;
+  [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(
+      const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
   [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
                                       const std::vector<KeyframeFeature>& landmarks) const;
   [[nodiscard]] std::vector<KeyframeFeature> most_useful(

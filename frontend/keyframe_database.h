@@ -49,11 +49,6 @@ struct Keyframe {
 [[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns,
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
-// Where a camera looks from, and how far.
-struct CameraView {
-  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
-  double mean_depth = 1;  // m
-};
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);
 
 // How different two views are: the way between them over the depth, plus the angle.

@@ -75,6 +75,9 @@ class KeyframeMatcher {
   // Where a drone's world lies in the own one, as far as that is known by now.
   void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
 
+  // None while it is not known.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
+
   // `other`: whoever it was sent to; of an own one, what a peer would be told.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const Keyframe& own,
                                                            const PeerKeyframe& other) const;
@@ -89,7 +92,6 @@ class KeyframeMatcher {
                                                     const PeerKeyframe& other,
                                                     const std::vector<PeerLandmark>& landmarks,
                                                     const Eigen::Isometry3d& T_other_own) const;
-  [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
   [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const PeerKeyframe& other,
                                                    const std::vector<PeerLandmark>& landmarks,
                                                    const std::vector<PeerPoint>& points) const;

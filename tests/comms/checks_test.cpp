@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
@@ -113,6 +114,23 @@ TEST(Checks, AdvertNeedsASenderAStampAndADescriptor) {
   EXPECT_EQ(advert_problem([](auto& a) { a.descriptor.clear(); }), "place descriptor is empty");
   EXPECT_EQ(advert_problem([](auto& a) { a.descriptor.resize(4097); }),
             "place descriptor too long");
+}
+
+TEST(Checks, AdvertNeedsAPlausibleView) {
+  const double nan = std::nan("");
+  for (const double x : {nan, 1.1e5}) {
+    EXPECT_EQ(advert_problem([&](auto& a) { a.view.T_world_cam.translation().x() = x; }),
+              "position not plausible");
+  }
+  EXPECT_EQ(advert_problem([](auto& a) { a.view.T_world_cam.linear() *= 1.1; }),
+            "attitude is not a rotation");
+  for (const double depth : {nan, 0.0, -3.0, 1e6}) {
+    EXPECT_EQ(advert_problem([&](auto& a) { a.view.mean_depth = depth; }), "depth not plausible");
+  }
+  for (const double sigma : {nan, -0.1, 1.1e9}) {
+    EXPECT_EQ(advert_problem([&](auto& a) { a.view.sigma = sigma; }),
+              "uncertainty of the view not plausible");
+  }
 }
 
 TEST(Checks, KeyframeNeedsNamesAndABoundedSetOfLandmarks) {

@@ -28,6 +28,9 @@ TEST(Convert, AdvertSurvivesTheWireUnchanged) {
   EXPECT_EQ(got.keyframe_id, sent.keyframe_id);
   EXPECT_EQ(got.stamp_ns, sent.stamp_ns);
   EXPECT_EQ(got.vocabulary_hash, sent.vocabulary_hash);
+  EXPECT_TRUE(got.view.T_world_cam.isApprox(sent.view.T_world_cam, 1e-12));
+  EXPECT_EQ(got.view.mean_depth, sent.view.mean_depth);
+  EXPECT_EQ(got.view.sigma, sent.view.sigma);
   EXPECT_EQ(got.descriptor, sent.descriptor);
 }
 
@@ -152,7 +155,7 @@ TEST(Convert, OdometrySurvivesTheWire) {
 
 TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   // 64 words of 32 bytes, the name, four numbers and CDR's own: the paper says 2.05 kB.
-  EXPECT_EQ(encode(samples::advert()).size(), 2096u);
+  EXPECT_EQ(encode(samples::advert()).size(), 2132u);
   const std::size_t with_40 = encode(samples::keyframe("uav1", "uav0", 40)).size();
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();
   EXPECT_EQ(with_80 - with_40, 40u * 27u);

@@ -116,6 +116,9 @@ class Client {
           {"keyframe_id", request.keyframe_id},
           {"stamp_ns", request.stamp_ns},
           {"vocabulary_hash", request.vocabulary_hash},
+          {"p_world_cam", request.p_world_cam},
+          {"mean_depth", request.mean_depth},
+          {"view_sigma", request.view_sigma},
           {"descriptor", octets(descriptor)}});
     covey_wire_RequestUAV question = request;
     std::memset(question.sender, 0, sizeof(question.sender));

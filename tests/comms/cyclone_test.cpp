@@ -51,6 +51,9 @@ TEST_F(Cyclone, ReadsWhatADroneSays) {
   EXPECT_EQ(request["keyframe_id"], advert.keyframe_id);
   EXPECT_EQ(request["stamp_ns"], advert.stamp_ns);
   EXPECT_EQ(request["vocabulary_hash"], advert.vocabulary_hash);
+  EXPECT_EQ(request["p_world_cam"], array_of(advert.view.T_world_cam.translation()));
+  EXPECT_EQ(request["mean_depth"], advert.view.mean_depth);
+  EXPECT_EQ(request["view_sigma"], advert.view.sigma);
   EXPECT_EQ(request["descriptor"], advert.descriptor);
 
   const Odometry odometry = samples::odometry();

@@ -18,6 +18,10 @@ inline PlaceAdvert advert(const std::string& sender = "uav0", std::uint64_t keyf
   out.keyframe_id = keyframe_id;
   out.stamp_ns = 1'403'715'273'262'142'976;  // EuRoC MH_01's first image
   out.vocabulary_hash = 0x0123456789abcdefULL;
+  out.view.T_world_cam.linear() = Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5).toRotationMatrix();
+  out.view.T_world_cam.translation() << 1.5, -22.25, 3;
+  out.view.mean_depth = 12.5;
+  out.view.sigma = 0.25;
   out.descriptor.resize(2048);
   std::iota(out.descriptor.begin(), out.descriptor.end(), std::uint8_t{0});
   return out;

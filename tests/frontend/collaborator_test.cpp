@@ -347,6 +347,39 @@ TEST(Collaborator, InventedPeersAreBounded) {
   EXPECT_EQ(answered, 64);
 }
 
+// The question looks as if it came from where uav1 has been.
+TEST(Collaborator, DoesNotAnswerWhoLooksFromTooFarAway) {
+  Team team;
+  PlaceAdvert far = team.advert, unsure = team.advert;
+  far.view.T_world_cam.pretranslate(Eigen::Vector3d(0, 40, 0));  // of 12 m of depth
+  unsure.view.T_world_cam = far.view.T_world_cam;
+  unsure.view.sigma = 1;
+  EXPECT_FALSE(team.uav1.answer(far).has_value());
+  EXPECT_EQ(team.uav1.report().advert_unknown_place, 1);
+  EXPECT_TRUE(team.uav1.answer(unsure).has_value()) << "drift may have taken it so far";
+}
+
+TEST(Collaborator, AnswersByLooksAloneWhileTheAskersWorldIsNotKnown) {
+  CollaboratorConfig config;
+  config.agent = "uav1";
+  config.matching.common_start = false;
+  Collaborator uav1(config, visual_vocabulary(), camera());
+  const Team team;
+  look(uav1, team.scene, team.looked_at, 1.0, kPeerIds);
+  const Eigen::Isometry3d aside(Eigen::Translation3d(0, 40, 0));
+  PlaceAdvert advert = team.advert;
+  advert.view.T_world_cam = aside * advert.view.T_world_cam;
+  const auto answers = [&](double seconds) {
+    (void)uav1.wants_keyframe(nanoseconds(seconds), team.looked_at);
+    return uav1.answer(advert).has_value();
+  };
+  EXPECT_TRUE(answers(5));
+  uav1.know_world("uav0", Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(answers(10)) << "now it is known to be far";
+  uav1.know_world("uav0", aside.inverse());
+  EXPECT_TRUE(answers(15)) << "now to be near";
+}
+
 TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
   Team team;
   PlaceAdvert own = team.advert, other_words = team.advert, short_one = team.advert,
