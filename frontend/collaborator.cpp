@@ -298,6 +298,7 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++*counter;
     return std::nullopt;
   }
+  matcher_.note_keyframe(advert.sender, advert.keyframe_id);
   std::optional<PeerKeyframe> answer = best_answer(advert);
   if (!answer) {
     ++report_.advert_unknown_place;

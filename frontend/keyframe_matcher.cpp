@@ -112,11 +112,22 @@ void KeyframeMatcher::keep_image(std::uint64_t keyframe_id, const ImagePyramid& 
 }
 
 void KeyframeMatcher::know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone) {
-  worlds_[drone] = T_own_drone;
+  worlds_[drone].T_own_drone = T_own_drone;
+}
+
+void KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyframe_id) {
+  const auto known = worlds_.find(drone);
+  if (known == worlds_.end()) return;
+  if (keyframe_id < known->second.newest_keyframe) {
+    worlds_.erase(known);
+  } else {
+    known->second.newest_keyframe = keyframe_id;
+  }
 }
 
 std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {
-  if (const auto known = worlds_.find(drone); known != worlds_.end()) return known->second;
+  if (const auto known = worlds_.find(drone); known != worlds_.end())
+    return known->second.T_own_drone;
   if (config_.common_start) return Eigen::Isometry3d::Identity();
   return std::nullopt;
 }

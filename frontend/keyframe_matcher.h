@@ -75,6 +75,9 @@ class KeyframeMatcher {
   // Where a drone's world lies in the own one, as far as that is known by now.
   void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
 
+  // Keyframes count up, so a drone whose count falls has started anew: its world is forgotten.
+  void note_keyframe(const std::string& drone, std::uint64_t keyframe_id);
+
   // None while it is not known.
   [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
 
@@ -102,7 +105,11 @@ class KeyframeMatcher {
   KeyframeMatcherConfig config_;
   CameraIntrinsics camera_;
   double focal_length_px_;
-  std::map<std::string, Eigen::Isometry3d> worlds_;            // in the own one
+  struct World {
+    Eigen::Isometry3d T_own_drone = Eigen::Isometry3d::Identity();
+    std::uint64_t newest_keyframe = 0;  // that was noted
+  };
+  std::map<std::string, World> worlds_;                        // by drone
   std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first
 };
 

@@ -378,6 +378,11 @@ TEST(Collaborator, AnswersByLooksAloneWhileTheAskersWorldIsNotKnown) {
   EXPECT_FALSE(answers(10)) << "now it is known to be far";
   uav1.know_world("uav0", aside.inverse());
   EXPECT_TRUE(answers(15)) << "now to be near";
+  advert.view.T_world_cam = aside * aside * advert.view.T_world_cam;
+  advert.keyframe_id += 5;
+  EXPECT_FALSE(answers(20)) << "far again";
+  advert.keyframe_id -= 1;
+  EXPECT_TRUE(answers(25)) << "it has started anew, who knows where";
 }
 
 TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
