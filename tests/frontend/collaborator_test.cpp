@@ -16,7 +16,6 @@ namespace {
 using testing::depths;
 using testing::level_camera;
 using testing::make_scene;
-using testing::random_descriptor;
 using testing::Scene;
 using testing::view;
 
