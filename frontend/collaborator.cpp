@@ -209,8 +209,10 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
 }
 
 PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
-  return {config_.agent,    keyframe.pose.keyframe_id, keyframe.pose.stamp_ns,
-          vocabulary_hash_, view_of(keyframe),         keyframe.place};
+  CameraView view = view_of(keyframe);
+  view.sigma = view_sigma(keyframe);
+  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_, view,
+          keyframe.place};
 }
 
 Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
@@ -354,7 +356,7 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
   if (!world || !newest || config_.exchange != ExchangeMode::kCompact) return std::nullopt;
   CameraView view = advert.view;
   view.T_world_cam = *world * view.T_world_cam;
-  view.sigma += view_of(*newest).sigma;
+  view.sigma += view_sigma(*newest);
   return view;
 }
 

@@ -36,11 +36,14 @@ std::optional<InverseDepth> depth_in(const Eigen::Isometry3d& T_this_other,
 }  // namespace
 
 CameraView view_of(const Keyframe& keyframe) {
+  return {keyframe.pose.T_world_cam, keyframe.mean_depth};
+}
+
+double view_sigma(const Keyframe& keyframe) {
   const Matrix6d& covariance = keyframe.pose.covariance;
   const double position = std::sqrt(covariance.topLeftCorner<3, 3>().trace());
   const double attitude = std::sqrt(covariance.bottomRightCorner<3, 3>().trace());
-  return {keyframe.pose.T_world_cam, keyframe.mean_depth,
-          position / keyframe.mean_depth + attitude};
+  return position / keyframe.mean_depth + attitude;
 }
 
 double view_difference(const CameraView& a, const CameraView& b) {

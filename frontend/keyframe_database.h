@@ -49,7 +49,11 @@ struct Keyframe {
 [[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns,
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
+// Its sigma is left 0: comparing views needs none.
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);
+
+// CameraView::sigma of the odometry at the keyframe.
+[[nodiscard]] double view_sigma(const Keyframe& keyframe);
 
 // How different two views are: the way between them over the depth, plus the angle.
 [[nodiscard]] double view_difference(const CameraView& a, const CameraView& b);

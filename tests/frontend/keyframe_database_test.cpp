@@ -48,7 +48,7 @@ TEST(ViewDifference, IsAsUnsureAsPositionOverDepthAndAttitude) {
   Keyframe unsure = keyframe(0, {0, 0, 0});
   unsure.mean_depth = 10;
   unsure.pose.covariance.diagonal() << 4, 1, 4, 0.04, 0.03, 0.02;  // 3 m and 0.3 rad
-  EXPECT_NEAR(view_of(unsure).sigma, 0.3 + 0.3, 1e-12);
+  EXPECT_NEAR(view_sigma(unsure), 0.3 + 0.3, 1e-12);
 }
 
 TEST(KeyframeRule, BaselineIsMeasuredAgainstTheMeanDepth) {
