@@ -130,6 +130,19 @@ Eigen::Quaterniond to_quaternion(const std::array<Scalar, 4>& xyzw) {
   return q;
 }
 
+std::array<float, 4> to_xyzw(const Eigen::Isometry3d& T) {
+  return to_array<float, 4>(Eigen::Quaterniond(T.linear()).coeffs());
+}
+
+template <typename Scalar>
+Eigen::Isometry3d to_isometry(const std::array<Scalar, 3>& translation,
+                              const std::array<float, 4>& xyzw) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = to_quaternion(xyzw).toRotationMatrix();
+  T.translation() = to_vector(translation);
+  return T;
+}
+
 constexpr double kBearingUnit = 1.0 / 8192;
 constexpr double kDepthSteps = 2048, kDepthOctaves = 16;  // per octave; below 1 1/m
 constexpr double kSigmaSteps = 8, kSigmaOctaves = 24, kLeastSigma = 5e-4;
@@ -186,8 +199,7 @@ PlaceAdvert from_wire(const wire::RequestUAV& request) {
   out.keyframe_id = request.keyframe_id();
   out.stamp_ns = request.stamp_ns();
   out.vocabulary_hash = request.vocabulary_hash();
-  out.view.T_world_cam.linear() = to_quaternion(request.q_world_cam_xyzw()).toRotationMatrix();
-  out.view.T_world_cam.translation() = to_vector(request.p_world_cam());
+  out.view.T_world_cam = to_isometry(request.p_world_cam(), request.q_world_cam_xyzw());
   out.view.mean_depth = request.mean_depth();
   out.view.sigma = request.view_sigma();
   out.descriptor = request.descriptor();
@@ -198,8 +210,7 @@ KeyframePose from_wire(const wire::CameraPose& pose) {
   KeyframePose out;
   out.keyframe_id = pose.keyframe_id();
   out.stamp_ns = pose.stamp_ns();
-  out.T_world_cam.linear() = to_quaternion(pose.q_world_cam_xyzw()).toRotationMatrix();
-  out.T_world_cam.translation() = to_vector(pose.p_world_cam());
+  out.T_world_cam = to_isometry(pose.p_world_cam(), pose.q_world_cam_xyzw());
   out.covariance = symmetric<6>(pose.covariance());
   return out;
 }
@@ -271,9 +282,8 @@ Bytes encode(const PlaceAdvert& advert) {
   out.keyframe_id(advert.keyframe_id);
   out.stamp_ns(advert.stamp_ns);
   out.vocabulary_hash(advert.vocabulary_hash);
-  const Eigen::Isometry3d& T_world_cam = advert.view.T_world_cam;
-  out.p_world_cam(to_array<float, 3>(T_world_cam.translation()));
-  out.q_world_cam_xyzw(to_array<float, 4>(Eigen::Quaterniond(T_world_cam.linear()).coeffs()));
+  out.p_world_cam(to_array<float, 3>(advert.view.T_world_cam.translation()));
+  out.q_world_cam_xyzw(to_xyzw(advert.view.T_world_cam));
   out.mean_depth(static_cast<float>(advert.view.mean_depth));
   out.view_sigma(static_cast<float>(advert.view.sigma));
   out.descriptor(advert.descriptor);
@@ -287,7 +297,7 @@ wire::CameraPose to_wire(const KeyframePose& pose) {
   out.keyframe_id(pose.keyframe_id);
   out.stamp_ns(pose.stamp_ns);
   out.p_world_cam(to_array<double, 3>(pose.T_world_cam.translation()));
-  out.q_world_cam_xyzw(to_array<float, 4>(Eigen::Quaterniond(pose.T_world_cam.linear()).coeffs()));
+  out.q_world_cam_xyzw(to_xyzw(pose.T_world_cam));
   out.covariance(upper_triangle<6>(pose.covariance));
   return out;
 }
@@ -380,6 +390,16 @@ Problem problem_on_wire(const Wire& /*any other*/) {
   return {};
 }
 
+// Made a rotation matrix, zeros would be the identity.
+Problem problem_with_attitude(const std::array<float, 4>& xyzw) {
+  if (!is_unit(to_quaternion(xyzw))) return "attitude is not a unit quaternion";
+  return {};
+}
+
+Problem problem_on_wire(const wire::RequestUAV& request) {
+  return problem_with_attitude(request.q_world_cam_xyzw());
+}
+
 Problem problem_on_wire(const wire::MessageUAV& message) {
   const std::size_t count = message.inverse_depths().size();
   if (message.descriptors().size() != std::tuple_size_v<ShortDescriptor> * count ||
@@ -389,8 +409,7 @@ Problem problem_on_wire(const wire::MessageUAV& message) {
     return "landmark lists of different lengths";
   }
   for (const wire::CameraPose& pose : {message.keyframe(), message.before()}) {
-    if (!is_unit(to_quaternion(pose.q_world_cam_xyzw())))
-      return "attitude is not a unit quaternion";
+    if (const Problem problem = problem_with_attitude(pose.q_world_cam_xyzw())) return problem;
   }
   return {};
 }

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <string>
@@ -117,17 +116,16 @@ TEST(Checks, AdvertNeedsASenderAStampAndADescriptor) {
 }
 
 TEST(Checks, AdvertNeedsAPlausibleView) {
-  const double nan = std::nan("");
-  for (const double x : {nan, 1.1e5}) {
+  for (const double x : {kNan, 1.1e5}) {
     EXPECT_EQ(advert_problem([&](auto& a) { a.view.T_world_cam.translation().x() = x; }),
               "position not plausible");
   }
   EXPECT_EQ(advert_problem([](auto& a) { a.view.T_world_cam.linear() *= 1.1; }),
             "attitude is not a rotation");
-  for (const double depth : {nan, 0.0, -3.0, 1e6}) {
+  for (const double depth : {kNan, 0.0, -3.0, 1e6}) {
     EXPECT_EQ(advert_problem([&](auto& a) { a.view.mean_depth = depth; }), "depth not plausible");
   }
-  for (const double sigma : {nan, -0.1, 1.1e9}) {
+  for (const double sigma : {kNan, -0.1, 1.1e9}) {
     EXPECT_EQ(advert_problem([&](auto& a) { a.view.sigma = sigma; }),
               "uncertainty of the view not plausible");
   }

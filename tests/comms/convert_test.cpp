@@ -154,7 +154,7 @@ TEST(Convert, OdometrySurvivesTheWire) {
 }
 
 TEST(Convert, SizesAreWhatTheMethodCountsWith) {
-  // 64 words of 32 bytes, the name, four numbers and CDR's own: the paper says 2.05 kB.
+  // 64 words of 32 bytes, the name, four numbers, a view and CDR's own: the paper says 2.05 kB.
   EXPECT_EQ(encode(samples::advert()).size(), 2132u);
   const std::size_t with_40 = encode(samples::keyframe("uav1", "uav0", 40)).size();
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();

@@ -210,6 +210,11 @@ TEST(HostileBytes, NumbersThatOnlyTheWireCanHoldAreRejected) {
   bytes.depth_sigmas()[5] = 255;
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "depth uncertainty not plausible");
 
+  for (const float bad : {nan, 0.0F, 1e30F}) {
+    auto request = parse<wire::RequestUAV>(encode(samples::advert()));
+    request.q_world_cam_xyzw({bad, bad, bad, bad});
+    EXPECT_EQ(reason(decode_place_advert(serialize(request))), "attitude is not a unit quaternion");
+  }
   auto odometry = parse<wire::Odometry>(encode(OdometrySample{"uav0", samples::odometry()}));
   odometry.q_world_imu_xyzw({0.5, 0.5, 0.5, 0.6});
   EXPECT_EQ(reason(decode_odometry(serialize(odometry))), "attitude is not a unit quaternion");
