@@ -81,10 +81,22 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   return landmarks;
 }
 
+// In the frame of the camera that has seen them.
+template <typename Landmarks>
+std::vector<Eigen::Vector3d> positions_of(const Landmarks& landmarks) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(landmarks.size());
+  for (const auto& landmark : landmarks) {
+    positions.emplace_back(landmark.bearing.homogeneous() / landmark.inverse_depth);
+  }
+  return positions;
+}
+
+constexpr double kSigmas = 3;  // of where a question was asked from, that drift may have made
+
 // Between a keyframe's view and the one that was asked from, at least: drift may have made the
 // rest.
 double sure_difference(const Keyframe& keyframe, const CameraView& asked_from) {
-  constexpr double kSigmas = 3;
   return view_difference(view_of(keyframe), asked_from) - kSigmas * asked_from.sigma;
 }
 
@@ -264,17 +276,24 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
     nearest.consider(peer.sender, view_difference(peer_view, view), {nullptr, &peer});
   }
   for (const Candidate& candidate : nearest.take()) {
-    auto result =
+    std::optional<KeyframeMatch> match =
         candidate.peer
-            ? matcher_.match(*newest, *candidate.peer)
-            : matcher_.match(
-                  *newest, told(*candidate.own, lost_since(landmarks_of(*candidate.own), *newest)));
-    auto* match = std::get_if<KeyframeMatch>(&result);
-    if (match == nullptr) continue;
-    ++report_.revisits;
-    matches.push_back(std::move(*match));
+            ? recognise(*newest, *candidate.peer)
+            : recognise(*newest,
+                        told(*candidate.own, lost_since(landmarks_of(*candidate.own), *newest)));
+    if (match) matches.push_back(std::move(*match));
   }
   return matches;
+}
+
+std::optional<KeyframeMatch> Collaborator::recognise(const Keyframe& newest,
+                                                     const PeerKeyframe& old) {
+  auto result = matcher_.match(newest, old);
+  auto* match = std::get_if<KeyframeMatch>(&result);
+  if (match == nullptr) return std::nullopt;
+  learn_tolerance(old.landmarks, *match);
+  ++report_.revisits;
+  return std::move(*match);
 }
 
 void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
@@ -333,6 +352,7 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   for (const RankedKeyframe& candidate : similar_keyframes(advert, asked_from)) {
     std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
+    if (asked_from && !would_be_found(landmarks, *candidate.keyframe, *asked_from)) continue;
     const double score = landmark_score(advert, candidate, landmarks);
     if (score < place_threshold_) continue;
     const double worth = answer_worth(score, *candidate.keyframe, asked_from);
@@ -346,6 +366,27 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   answer.receiver = advert.sender;
   answer.request_keyframe_id = advert.keyframe_id;
   return answer;
+}
+
+// Chance finds grow with what is looked for, and half of all finds must agree: hence a share.
+bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
+                                  const Keyframe& keyframe, const CameraView& asked_from) const {
+  constexpr double kMinShare = 0.25;
+  if (kSigmas * asked_from.sigma > tolerance_.tolerance()) return true;  // nobody knows
+  const std::vector<double> angles =
+      viewing_angles(positions_of(landmarks),
+                     keyframe.pose.T_world_cam.inverse() * asked_from.T_world_cam, camera_);
+  const double finds = tolerance_.expected_finds(angles);
+  const double sent = std::min(1.0, config_.max_landmarks / static_cast<double>(landmarks.size()));
+  return sent * finds >= config_.matching.min_matches &&
+         finds >= kMinShare * static_cast<double>(angles.size());
+}
+
+void Collaborator::learn_tolerance(const std::vector<PeerLandmark>& landmarks,
+                                   const KeyframeMatch& match) {
+  if (match.aligned.empty()) return;
+  tolerance_.learn(viewing_angles(positions_of(landmarks), match.T_other_own, camera_),
+                   match.aligned.size());
 }
 
 // In the own world, as far as it is known where the asker's lies. Its sigma is that of both drones'
@@ -422,6 +463,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
   } else {
     remember(message, std::get<KeyframeMatch>(result));
+    learn_tolerance(message.landmarks, std::get<KeyframeMatch>(result));
     ++report_.matched;
     report_.landmark_pairs += static_cast<int>(std::get<KeyframeMatch>(result).matches.size());
   }

@@ -33,6 +33,7 @@
 #include "frontend/keyframe_matcher.h"
 #include "frontend/place_recognition.h"
 #include "frontend/tracker.h"
+#include "frontend/viewpoint_tolerance.h"
 
 namespace covey {
 
@@ -132,6 +133,7 @@ class Collaborator {
 
   [[nodiscard]] const CollaboratorReport& report() const { return report_; }
   [[nodiscard]] const KeyframeDatabase& database() const { return database_; }
+  [[nodiscard]] const ViewpointTolerance& tolerance() const { return tolerance_; }
 
  private:
   struct RankedKeyframe {
@@ -163,7 +165,13 @@ class Collaborator {
   // A keyframe as a peer is told it; the receiver and what it answers are left to fill in.
   [[nodiscard]] PeerKeyframe told(const Keyframe& keyframe,
                                   const std::vector<KeyframeFeature>& landmarks) const;
+  [[nodiscard]] std::optional<KeyframeMatch> recognise(const Keyframe& newest,
+                                                       const PeerKeyframe& old);
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
+  // Whether enough of a keyframe's landmarks would be found by who asks.
+  [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks,
+                                    const Keyframe& keyframe, const CameraView& asked_from) const;
+  void learn_tolerance(const std::vector<PeerLandmark>& landmarks, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
   Vocabulary vocabulary_;
@@ -182,6 +190,7 @@ class Collaborator {
   std::deque<Remembered> remembered_;  // of peers, in the order in which they came
   KeyframeMatcher matcher_;
   AnswerLimiter limiter_;
+  ViewpointTolerance tolerance_;
   CollaboratorReport report_;
 };
 

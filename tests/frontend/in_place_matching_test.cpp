@@ -110,6 +110,22 @@ TEST(InPlaceMatching, WithoutACommonStartNothingIsExpectedUntilTheWorldIsKnown) 
   expect_found(ask(uav0, wall, wall, far_world()));
 }
 
+TEST(InPlaceMatching, TellsFromHowFarAsideThePlaceIsKnownAgain) {
+  const SlantedPlane wall(small_camera());
+  const double guess = ViewpointTolerance().tolerance();
+  Collaborator uav0 = make_drone("uav0"), lost = make_drone("uav0");
+  expect_found(ask(uav0, wall, wall));
+  const double told = uav0.tolerance().tolerance();
+  EXPECT_NE(told, guess);
+
+  look(uav0, wall, aside(), to_isometry(aside()), 9);
+  ASSERT_EQ(uav0.revisit().size(), 1u);
+  EXPECT_NE(uav0.tolerance().tolerance(), told) << "what it remembers teaches as well";
+
+  (void)ask(lost, wall, SlantedPlane(small_camera(), 100));
+  EXPECT_EQ(lost.tolerance().tolerance(), guess) << "another wall tells nothing";
+}
+
 TEST(InPlaceMatching, AnotherWallIsNotTheSame) {
   const SlantedPlane wall(small_camera());
   for (int seed = 100; seed < 110; ++seed) {

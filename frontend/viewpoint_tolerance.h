@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// How many of a keyframe's landmarks will be found again from somewhere else, before they are sent
+// there. Landmarks look the less alike the larger the angle between the directions in which they
+// are seen: they are found with a chance of exp(-(angle / tolerance)^2). Walls allow larger angles
+// than trees, so the tolerance is learned from what is found.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <vector>
+
+#include "frontend/camera.h"
+
+namespace covey {
+
+// Of the landmarks (m, in the frame of the camera that has seen them) those in the other camera's
+// image: the angle, rad, between the directions from which both see it.
+[[nodiscard]] std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,
+                                                 const Eigen::Isometry3d& T_seen_other,
+                                                 const CameraIntrinsics& camera);
+
+class ViewpointTolerance {
+ public:
+  // Of the landmarks that are seen with these angles.
+  [[nodiscard]] double expected_finds(const std::vector<double>& angles) const;
+
+  // So many of them were found.
+  void learn(const std::vector<double>& angles, std::size_t found);
+
+  [[nodiscard]] double tolerance() const;  // rad
+
+ private:
+  // Sums over landmarks; a loss is -log of the share that is found. At first a guess, worth a few
+  // landmarks and rather large: what is not answered is not learned from.
+  double squared_angles_ = 3;  // rad^2
+  double losses_ = squared_angles_ / (0.7 * 0.7);
+};
+
+}  // namespace covey
