@@ -21,8 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Nobody on board waits for a status, and that the drone is there the link says by itself.
-constexpr double kStatusInterval_s = 5;
 constexpr double kStatusFileInterval_s = 1;
 
 Dataset recording_of(const AgentSettings& agent) {
@@ -100,6 +98,12 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
 std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
 }  // namespace
+
+bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& status) {
+  constexpr double kInterval_s = 5;  // nobody on board waits for it
+  return !told || told->status != status.status ||
+         seconds_between(told->stamp_ns, status.stamp_ns) >= kInterval_s;
+}
 
 Agent::Agent(const AgentConfig& config)
     : config_(config),
@@ -206,11 +210,9 @@ void Agent::publish(const ImageResult& result) {
 
 void Agent::publish_status() {
   const AgentStatus status = pipeline_.status();
-  const bool due = !published_ || published_->status != status.status ||
-                   seconds_between(published_->stamp_ns, status.stamp_ns) >= kStatusInterval_s;
-  if (!due) return;
+  if (!is_status_due(told_status_, status)) return;
   link_->publish(status);
-  published_ = status;
+  told_status_ = status;
 }
 
 // For who looks at a drone from outside: a container's health check, a person.

@@ -35,6 +35,10 @@ struct PeerCounts {
   std::int64_t fused = 0, gated = 0, rejected = 0;
 };
 
+// Whether a drone tells the others its status again, after what it `told` last: at once when it
+// changes, and now and then. That the drone is there the link says by itself.
+[[nodiscard]] bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& status);
+
 // The drone itself: what its images and its peers' messages do to it and to its files. One thread.
 class Agent {
  public:
@@ -109,7 +113,7 @@ class Agent {
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
   TimeNs last_ns_ = 0;
   TimeNs last_status_file_ns_ = 0;
-  std::optional<AgentStatus> published_;
+  std::optional<AgentStatus> told_status_;
 };
 
 // Flies a recording at the configured pace: by itself, or as a team says over `control_fd`.

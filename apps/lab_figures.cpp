@@ -40,7 +40,8 @@ Figure quantile(std::vector<double> values, double share_below) {
 using AnswerKey = std::tuple<std::string, std::string, std::uint64_t>;
 
 struct Answer {
-  std::optional<double> asked_ms, sent_ms, handled_ms;
+  double sent_ms = 0;
+  std::optional<double> handled_ms;
   bool fused = false;
 };
 
@@ -60,6 +61,7 @@ class ExchangeJudge {
           asked_[{drone, record.keyframe_id}] = record.clock_ms;
         }
         if (record.event == ExchangeEvent::kHeard) ++heard_;
+        last_ms_[drone] = std::max(last_ms_[drone], record.clock_ms);
         if (record.event == ExchangeEvent::kAnswered) take_answer(drone, record);
       }
     }
@@ -72,14 +74,19 @@ class ExchangeJudge {
     const auto others = static_cast<double>(logs_.size()) - 1;
     figures.asked = static_cast<double>(asked_.size());
     figures.heard_share = share(heard_, static_cast<double>(asked_.size()) * others);
-    int arrived = 0, fused = 0, arrived_soon = 0, fused_soon = 0;
+    int arrived = 0, fused = 0, arrived_soon = 0, fused_soon = 0, cut_off = 0;
     std::vector<double> round_trips_ms, deliveries_ms;
     for (const auto& [key, answer] : answers_) {
-      if (!answer.handled_ms) continue;
+      const auto& [receiver, sender, keyframe] = key;
+      const double asked_ms = moment(asked_, receiver, keyframe).value_or(answer.sent_ms);
+      if (!answer.handled_ms) {
+        cut_off += last_note_ms(receiver) < asked_ms + kSoon_ms ? 1 : 0;
+        continue;
+      }
       ++arrived;
       fused += answer.fused ? 1 : 0;
-      deliveries_ms.push_back(*answer.handled_ms - *answer.sent_ms);
-      const double trip_ms = *answer.handled_ms - answer.asked_ms.value_or(*answer.sent_ms);
+      deliveries_ms.push_back(*answer.handled_ms - answer.sent_ms);
+      const double trip_ms = *answer.handled_ms - asked_ms;
       round_trips_ms.push_back(trip_ms);
       arrived_soon += trip_ms <= kSoon_ms ? 1 : 0;
       fused_soon += answer.fused && trip_ms <= kSoon_ms ? 1 : 0;
@@ -89,8 +96,8 @@ class ExchangeJudge {
     figures.arrived_share = share(arrived, sent);
     figures.fused = fused;
     figures.fused_share = share(fused, sent);
-    figures.arrived_500ms_share = share(arrived_soon, sent);
-    figures.fused_500ms_share = share(fused_soon, sent);
+    figures.arrived_500ms_share = share(arrived_soon, sent - cut_off);
+    figures.fused_500ms_share = share(fused_soon, sent - cut_off);
     figures.round_trip_ms = quantile(round_trips_ms, 0.5);
     figures.round_trip_p95_ms = quantile(round_trips_ms, 0.95);
     figures.delivery_ms = quantile(deliveries_ms, 0.5);
@@ -98,11 +105,15 @@ class ExchangeJudge {
   }
 
  private:
+  [[nodiscard]] double last_note_ms(const std::string& drone) const {
+    const auto found = last_ms_.find(drone);
+    return found == last_ms_.end() ? 0 : found->second;
+  }
+
   void take_answer(const std::string& drone, const ExchangeRecord& record) {
     for (const auto& [receiver, records] : logs_) {
       if (receiver == drone || (record.peer != kEveryPeer && record.peer != receiver)) continue;
-      Answer& answer = answers_[{receiver, drone, record.keyframe_id}];
-      answer.sent_ms = record.clock_ms;
+      answers_[{receiver, drone, record.keyframe_id}].sent_ms = record.clock_ms;
     }
   }
 
@@ -115,7 +126,6 @@ class ExchangeJudge {
     // Its sender may have been killed before its log was on the disk.
     const auto found = answers_.find({drone, record.peer, record.keyframe_id});
     if (found == answers_.end()) return;
-    found->second.asked_ms = moment(asked_, drone, record.keyframe_id);
     found->second.handled_ms = record.clock_ms;
     found->second.fused = fused;
   }
@@ -123,6 +133,7 @@ class ExchangeJudge {
   const ExchangeLogs& logs_;
   std::map<std::pair<std::string, std::uint64_t>, double> asked_;
   std::map<AnswerKey, Answer> answers_;
+  std::map<std::string, double> last_ms_;  // that a drone noted anything
   int heard_ = 0;
 };
 

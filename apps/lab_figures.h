@@ -30,10 +30,11 @@ struct LabFigures {
   Figure asked, heard_share;
   // Answers, of those that were sent.
   Figure answers, arrived_share, fused, fused_share;
-  Figure arrived_500ms_share, fused_500ms_share;  // within 500 ms of the question
-  Figure round_trip_ms, round_trip_p95_ms;        // question asked to answer handled
-  Figure delivery_ms, delivery_p95_ms;            // answer sent to answer handled
-  Figure payload_bytes_per_s, wire_bytes_per_s;   // per drone
+  // Within 500 ms of the question; what was under way when the receiver's flight ended is left out.
+  Figure arrived_500ms_share, fused_500ms_share;
+  Figure round_trip_ms, round_trip_p95_ms;       // question asked to answer handled
+  Figure delivery_ms, delivery_p95_ms;           // answer sent to answer handled
+  Figure payload_bytes_per_s, wire_bytes_per_s;  // per drone
   Figure wire_over_payload;  // a question counts once for each drone that it is sent to
   Figure lost_share, queue_full_share, cut_share;  // of frames, by the network
   // Mean of the drones' RMSE, aligned (SE3) and as they stand in the common world.

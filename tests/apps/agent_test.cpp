@@ -81,6 +81,21 @@ TEST(CpuLoadMonitor, KeepsTheHighestShareOverWindowsOfASecond) {
   EXPECT_NEAR(*monitor.max_percent(), 80, 1e-9);
 }
 
+TEST(AgentStatus, IsToldAtFirstOnChangeAndEveryFiveSeconds) {
+  AgentStatus status;
+  status.stamp_ns = nanoseconds(100);
+  EXPECT_TRUE(is_status_due(std::nullopt, status));
+  const AgentStatus told = status;
+  EXPECT_FALSE(is_status_due(told, status));
+  status.stamp_ns = nanoseconds(104.99);
+  EXPECT_FALSE(is_status_due(told, status));
+  status.stamp_ns = nanoseconds(105);
+  EXPECT_TRUE(is_status_due(told, status));
+  status.stamp_ns = nanoseconds(100.05);
+  status.status = FilterStatus::kTracking;
+  EXPECT_TRUE(is_status_due(told, status)) << "a change does not wait";
+}
+
 TEST(Agent, FliesAloneWithoutATeam) {
   const fs::path out = fs::path(testing::TempDir()) / "covey_agent_alone";
   fs::remove_all(out);

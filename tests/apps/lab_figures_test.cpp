@@ -63,6 +63,24 @@ TEST(LabFigures, CountWhatArrivedInTimeOfWhatWasAnswered) {
   EXPECT_EQ(figures.delivery_ms, 200);  // of 50, 200, 600
 }
 
+TEST(LabFigures, AnAnswerUnderWayAtTheEndOfAFlightIsNeitherInTimeNorLate) {
+  const ExchangeLogs logs{
+      {"a",
+       {{1000, kAsked, "*", 1},
+        {1100, kFused, "b", 1},
+        {2000, kAsked, "*", 2},
+        {2600, kAsked, "*", 3},
+        {2650, kHeard, "b", 7}}},  // its last sign of life
+      {"b", {{1050, kAnswered, "a", 1}, {2050, kAnswered, "a", 2}, {2640, kAnswered, "a", 3}}},
+  };
+  LabFigures figures;
+  judge_exchange(logs, figures);
+  EXPECT_EQ(figures.answers, 3);
+  EXPECT_NEAR(*figures.arrived_share, 1.0 / 3, 1e-12);
+  EXPECT_NEAR(*figures.arrived_500ms_share, 1.0 / 2, 1e-12) << "of 1 and 2, which is late";
+  EXPECT_NEAR(*figures.fused_500ms_share, 1.0 / 2, 1e-12);
+}
+
 TEST(LabFigures, WhatIsToldToAllIsAnAnswerToEachOfTheOthers) {
   const ExchangeLogs logs{
       {"a", {{1000, kAnswered, "*", 9}}}, {"b", {{1020, kFused, "a", 9}}}, {"c", {}}};
