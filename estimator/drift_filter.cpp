@@ -13,6 +13,7 @@
 
 #include "estimator/chi_square.h"
 #include "estimator/drift_step.h"
+#include "estimator/one_flight.h"
 #include "estimator/positive_definite.h"
 #include "estimator/so3.h"
 
@@ -37,13 +38,18 @@ DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
   drones_.front().world.known = true;
 }
 
+DriftFilter::Drone DriftFilter::newcomer(const std::string& name) const {
+  Drone drone{name, {}, {}, {}, {}};
+  drone.world.known = config_.common_start;
+  return drone;
+}
+
 std::optional<std::size_t> DriftFilter::drone_index(const std::string& name) {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     if (drones_[i].name == name) return i;
   }
   if (drones_.size() >= static_cast<std::size_t>(config_.max_drones)) return std::nullopt;
-  drones_.push_back({name, {}, {}, {}, {}});
-  drones_.back().world.known = config_.common_start;
+  drones_.push_back(newcomer(name));
   return drones_.size() - 1;
 }
 
@@ -181,6 +187,22 @@ void DriftFilter::forget(int index) {
   P_.conservativeResize(n, n);
 }
 
+bool DriftFilter::is_of_present_flight(std::size_t drone, const KeyframePose& keyframe) {
+  if (drone == 0) return true;
+  bool starts_anew = false;
+  for (const Node& known : nodes_) {
+    if (known.drone != drone || are_of_one_flight(known, keyframe)) continue;
+    if (keyframe.stamp_ns <= known.stamp_ns) return false;
+    starts_anew = true;
+  }
+  if (!starts_anew) return true;
+  for (int i = keyframes() - 1; i >= 0; --i) {
+    if (node(i).drone == drone) forget(i);
+  }
+  drones_[drone] = newcomer(drones_[drone].name);
+  return true;
+}
+
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   if (!is_positive_definite<6>(measurement.covariance) ||
       !is_positive_definite<6>(measurement.other.covariance) ||
@@ -188,7 +210,7 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
     return DriftOutcome::kInvalid;
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
-  if (!index) return DriftOutcome::kInvalid;
+  if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
   if (drone.world.known) return use(*index, measurement);
   const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);

@@ -8,6 +8,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "estimator/one_flight.h"
 #include "frontend/compact_place.h"
 #include "frontend/nearest_views.h"
 
@@ -296,13 +297,25 @@ std::optional<KeyframeMatch> Collaborator::recognise(const Keyframe& newest,
   return std::move(*match);
 }
 
+void Collaborator::forget(const std::string& peer) {
+  remembered_.erase(
+      std::remove_if(remembered_.begin(), remembered_.end(),
+                     [&](const Remembered& seen) { return seen.keyframe.sender == peer; }),
+      remembered_.end());
+}
+
 void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
-  const bool known =
-      std::any_of(remembered_.begin(), remembered_.end(), [&](const Remembered& seen) {
-        return seen.keyframe.sender == message.sender &&
-               seen.keyframe.pose.keyframe_id == message.pose.keyframe_id;
-      });
-  if (known) return;
+  bool known = false, starts_anew = false;
+  for (const Remembered& seen : remembered_) {
+    if (seen.keyframe.sender != message.sender) continue;
+    known |= seen.keyframe.pose.keyframe_id == message.pose.keyframe_id;
+    starts_anew |= !are_of_one_flight(seen.keyframe.pose, message.pose);
+  }
+  if (starts_anew) {
+    forget(message.sender);
+  } else if (known) {
+    return;
+  }
   const std::vector<PeerLandmark>& landmarks = message.landmarks;
   double depths = 0;
   for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
@@ -319,7 +332,7 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++*counter;
     return std::nullopt;
   }
-  matcher_.note_keyframe(advert.sender, advert.keyframe_id);
+  if (matcher_.note_keyframe(advert.sender, advert.keyframe_id)) forget(advert.sender);
   std::optional<PeerKeyframe> answer = best_answer(advert);
   if (!answer) {
     ++report_.advert_unknown_place;

@@ -167,6 +167,7 @@ class Collaborator {
                                   const std::vector<KeyframeFeature>& landmarks) const;
   [[nodiscard]] std::optional<KeyframeMatch> recognise(const Keyframe& newest,
                                                        const PeerKeyframe& old);
+  void forget(const std::string& peer);  // what is remembered of it
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
   // Whether enough of a keyframe's landmarks would be found by who asks.
   [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks,

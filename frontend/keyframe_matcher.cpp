@@ -115,14 +115,16 @@ void KeyframeMatcher::know_world(const std::string& drone, const Eigen::Isometry
   worlds_[drone].T_own_drone = T_own_drone;
 }
 
-void KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyframe_id) {
+bool KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyframe_id) {
   const auto known = worlds_.find(drone);
-  if (known == worlds_.end()) return;
-  if (keyframe_id < known->second.newest_keyframe) {
+  if (known == worlds_.end()) return false;
+  const bool starts_anew = keyframe_id < known->second.newest_keyframe;
+  if (starts_anew) {
     worlds_.erase(known);
   } else {
     known->second.newest_keyframe = keyframe_id;
   }
+  return starts_anew;
 }
 
 std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {

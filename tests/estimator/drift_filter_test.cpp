@@ -177,6 +177,49 @@ TEST(DriftFilter, NumbersThatAreNoneAreRefused) {
   EXPECT_EQ(filter.keyframes(), 0);
 }
 
+// As `flight`, but begun later: its keyframes count from one again.
+Walk begun_anew(Walk flight, double seconds) {
+  for (KeyframePose& pose : flight.keyframes) pose.stamp_ns += nanoseconds(seconds);
+  return flight;
+}
+
+TEST(DriftFilter, WhatAPeerSaidBeforeItStartedAnewIsForgotten) {
+  const Walk own = walk(1, 60, {0, 0, 0}), first = walk(2, 30, {-3, 0, 0});
+  // Another world: after its crash the peer takes its place for the origin.
+  const Walk second = begun_anew(walk(3, 30, {-3, 5, 0}), 15);
+  DriftFilter filter({}, "uav0"), fresh({}, "uav0");
+  for (const KeyframePose& pose : own.keyframes) {
+    filter.add_own(pose);
+    fresh.add_own(pose);
+  }
+  for (std::size_t i = 10; i < 28; i += 6) {
+    ASSERT_EQ(filter.add(relative(own, i, first, i, i)), DriftOutcome::kUsed);
+  }
+  const int keyframes = filter.keyframes();
+  const RelativePose late = relative(own, 29, first, 29, 4);
+  ASSERT_EQ(filter.add(relative(own, 45, second, 12, 5)), DriftOutcome::kUsed);
+  ASSERT_EQ(fresh.add(relative(own, 45, second, 12, 5)), DriftOutcome::kUsed);
+  EXPECT_LT(filter.keyframes(), keyframes) << "only the own ones and the new ones are left";
+  EXPECT_NEAR(filter.alignment("uav1")->position_sigma, fresh.alignment("uav1")->position_sigma,
+              0.2 * fresh.alignment("uav1")->position_sigma);
+  EXPECT_GT(least_eigenvalue(filter), 0);
+  EXPECT_EQ(filter.add(late), DriftOutcome::kInvalid) << "of the earlier flight";
+  EXPECT_EQ(filter.add(relative(own, 50, second, 17, 6)), DriftOutcome::kUsed);
+}
+
+TEST(DriftFilter, APeerThatStartsAnewElsewhereIsAlignedAnew) {
+  DriftConfig config;
+  config.common_start = false;
+  const Walk own = walk(1, 100, {0, 0, 0}), first = walk(2, 40, {-3, 0, 0});
+  const Walk second = begun_anew(walk(3, 40, {-3, 20, 0}), 10);
+  DriftFilter filter(config, "uav0");
+  for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+  for (std::size_t i = 4; i < 40; ++i) (void)filter.add(relative(own, i, first, i, i));
+  ASSERT_TRUE(filter.alignment("uav1"));
+  EXPECT_EQ(filter.add(relative(own, 39, second, 21, 7)), DriftOutcome::kUnaligned);
+  EXPECT_FALSE(filter.alignment("uav1")) << "nobody knows yet where its new world lies";
+}
+
 TEST(DriftFilter, InventedDronesAreBounded) {
   const Walk own = walk(1, 3, {0, 0, 0}), other = walk(2, 3, {-3, 0, 0});
   DriftFilter filter({}, "uav0");

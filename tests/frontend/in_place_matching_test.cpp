@@ -67,13 +67,12 @@ CameraPose aside() {
 }
 
 // uav1 looks straight at its wall, uav0 at its own from aside; each has its own world.
-std::variant<KeyframeMatch, NoMatch> ask(Collaborator& uav0, const SlantedPlane& own_wall,
-                                         const SlantedPlane& peers_wall,
-                                         const Eigen::Isometry3d& T_own_peer = {
-                                             Eigen::Isometry3d::Identity()}) {
+std::variant<KeyframeMatch, NoMatch> ask(
+    Collaborator& uav0, const SlantedPlane& own_wall, const SlantedPlane& peers_wall,
+    const Eigen::Isometry3d& T_own_peer = {Eigen::Isometry3d::Identity()}, unsigned second = 1) {
   Collaborator uav1 = make_drone("uav1");
-  look(uav1, peers_wall, {}, T_own_peer.inverse(), 1);
-  const PlaceAdvert advert = look(uav0, own_wall, aside(), to_isometry(aside()), 2);
+  look(uav1, peers_wall, {}, T_own_peer.inverse(), second);
+  const PlaceAdvert advert = look(uav0, own_wall, aside(), to_isometry(aside()), second + 1);
   PeerKeyframe answer = uav1.announcement().value();
   answer.receiver = "uav0";
   answer.request_keyframe_id = advert.keyframe_id;
@@ -124,6 +123,32 @@ TEST(InPlaceMatching, TellsFromHowFarAsideThePlaceIsKnownAgain) {
 
   (void)ask(lost, wall, SlantedPlane(small_camera(), 100));
   EXPECT_EQ(lost.tolerance().tolerance(), guess) << "another wall tells nothing";
+}
+
+TEST(InPlaceMatching, WhatAPeerToldBeforeItStartedAnewIsNotLookedForAgain) {
+  const SlantedPlane wall(small_camera());
+  Collaborator uav0 = make_drone("uav0"), uav1 = make_drone("uav1");
+  expect_found(ask(uav0, wall, wall));
+  uav0.know_world("uav1", Eigen::Isometry3d::Identity());
+  PlaceAdvert advert = look(uav1, wall, {}, Eigen::Isometry3d::Identity(), 3);
+  for (const auto& [keyframe_id, remembered] :
+       {std::pair(5, 1), std::pair(6, 1), std::pair(2, 0)}) {
+    advert.keyframe_id = static_cast<std::uint64_t>(keyframe_id);
+    (void)uav0.answer(advert);
+    look(uav0, wall, aside(), to_isometry(aside()), static_cast<unsigned>(keyframe_id) + 20);
+    EXPECT_EQ(uav0.revisit().size(), static_cast<std::size_t>(remembered)) << keyframe_id;
+  }
+}
+
+TEST(InPlaceMatching, WhatAPeerTellsAfterItStartedAnewTakesThePlaceOfWhatItTold) {
+  const SlantedPlane wall(small_camera());
+  Collaborator uav0 = make_drone("uav0");
+  expect_found(ask(uav0, wall, wall));
+  expect_found(ask(uav0, wall, wall, Eigen::Isometry3d::Identity(), 11));  // its first one again
+  look(uav0, wall, aside(), to_isometry(aside()), 14);
+  const std::vector<KeyframeMatch> matches = uav0.revisit();
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].other.stamp_ns, nanoseconds(11));
 }
 
 TEST(InPlaceMatching, AnotherWallIsNotTheSame) {
