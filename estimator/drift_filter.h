@@ -104,9 +104,8 @@ class DriftFilter {
 
   [[nodiscard]] Drone newcomer(const std::string& name) const;
   [[nodiscard]] std::optional<std::size_t> drone_index(const std::string& name);
-  // A keyframe of a later flight than what is known of the drone ends that: all of it is forgotten.
-  // False if the keyframe is itself of an earlier one.
-  [[nodiscard]] bool is_of_present_flight(std::size_t drone, const KeyframePose& keyframe);
+  // All that is known of a drone, if this keyframe of it is of another flight than that.
+  void forget_other_flight(std::size_t drone, const KeyframePose& keyframe);
   [[nodiscard]] const Node& node(int index) const {
     return nodes_[static_cast<std::size_t>(index)];
   }

@@ -2,8 +2,8 @@
 //
 // How many of a keyframe's landmarks will be found again from somewhere else, before they are sent
 // there. Landmarks look the less alike the larger the angle between the directions in which they
-// are seen: they are found with a chance of exp(-(angle / tolerance)^2). Bare ground
-// allows larger angles than what has edges, so the tolerance is learned from what is found.
+// are seen: they are found with a chance of exp(-(angle / tolerance)^2). Bare ground allows larger
+// angles than what has edges, so the tolerance is learned from what is found.
 #pragma once
 
 #include <Eigen/Core>
