@@ -61,7 +61,6 @@ class ExchangeJudge {
           asked_[{drone, record.keyframe_id}] = record.clock_ms;
         }
         if (record.event == ExchangeEvent::kHeard) ++heard_;
-        last_ms_[drone] = std::max(last_ms_[drone], record.clock_ms);
         if (record.event == ExchangeEvent::kAnswered) take_answer(drone, record);
       }
     }
@@ -105,9 +104,10 @@ class ExchangeJudge {
   }
 
  private:
+  // Its last sign of life.
   [[nodiscard]] double last_note_ms(const std::string& drone) const {
-    const auto found = last_ms_.find(drone);
-    return found == last_ms_.end() ? 0 : found->second;
+    const std::vector<ExchangeRecord>& records = logs_.at(drone);
+    return records.empty() ? 0 : records.back().clock_ms;
   }
 
   void take_answer(const std::string& drone, const ExchangeRecord& record) {
@@ -133,7 +133,6 @@ class ExchangeJudge {
   const ExchangeLogs& logs_;
   std::map<std::pair<std::string, std::uint64_t>, double> asked_;
   std::map<AnswerKey, Answer> answers_;
-  std::map<std::string, double> last_ms_;  // that a drone noted anything
   int heard_ = 0;
 };
 

@@ -137,8 +137,7 @@ bool in_image(const SurveyedView& view, const Eigen::Vector3d& p_world) {
   const Eigen::Vector3d p_cam = view.T_world_cam.inverse() * p_world;
   if (p_cam.z() <= 0) return false;
   const Eigen::Vector2d pixel = project(view.camera, p_cam.hnormalized());
-  if (!(pixel.x() >= 0 && pixel.x() < view.camera.width)) return false;
-  if (!(pixel.y() >= 0 && pixel.y() < view.camera.height)) return false;
+  if (!is_in_image(view.camera, pixel)) return false;
   // Far outside, radial distortion folds back into the image.
   const auto bearing = unproject(view.camera, pixel);
   return bearing && (*bearing - p_cam.hnormalized()).norm() < 1e-3;

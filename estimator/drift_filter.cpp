@@ -13,7 +13,6 @@
 
 #include "estimator/chi_square.h"
 #include "estimator/drift_step.h"
-#include "estimator/one_flight.h"
 #include "estimator/positive_definite.h"
 #include "estimator/so3.h"
 

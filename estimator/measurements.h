@@ -99,6 +99,15 @@ struct KeyframePose {
   Matrix6d covariance = Matrix6d::Identity();  // of [dp dtheta], both in world: R = Exp(dtheta) R^
 };
 
+// Can both keyframes be of one flight of a drone? There, ids rise with time. A drone that starts
+// anew counts from the beginning again, and nothing that it said in its earlier flight holds any
+// more. For anything that has a keyframe_id and a stamp_ns.
+template <typename A, typename B>
+[[nodiscard]] bool are_of_one_flight(const A& a, const B& b) {
+  return (a.keyframe_id < b.keyframe_id) == (a.stamp_ns < b.stamp_ns) &&
+         (a.keyframe_id > b.keyframe_id) == (a.stamp_ns > b.stamp_ns);
+}
+
 // Where a camera looks from, how far, and how sure that is.
 struct CameraView {
   Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();

@@ -29,6 +29,12 @@ struct CameraIntrinsics {
                                       const Eigen::Vector2d& bearing,
                                       Eigen::Matrix2d* J_pixel_bearing = nullptr);
 
+// Not for a pixel that is no number.
+[[nodiscard]] inline bool is_in_image(const CameraIntrinsics& camera,
+                                      const Eigen::Vector2d& pixel) {
+  return pixel.x() >= 0 && pixel.x() < camera.width && pixel.y() >= 0 && pixel.y() < camera.height;
+}
+
 // Bearing of a pixel by Newton's method; nothing where the distortion cannot be inverted.
 [[nodiscard]] std::optional<Eigen::Vector2d> unproject(const CameraIntrinsics& camera,
                                                        const Eigen::Vector2d& pixel);

@@ -8,7 +8,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include "estimator/one_flight.h"
 #include "frontend/compact_place.h"
 #include "frontend/nearest_views.h"
 

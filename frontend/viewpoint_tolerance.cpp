@@ -17,10 +17,7 @@ std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks
   for (const Eigen::Vector3d& p : landmarks) {
     const Eigen::Vector3d q = T_other_seen * p;
     if (!(q.z() > kMinDepth)) continue;
-    const Eigen::Vector2d pixel = project(camera, q.hnormalized());
-    const bool in_image =
-        pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < camera.width && pixel.y() < camera.height;
-    if (!in_image) continue;
+    if (!is_in_image(camera, project(camera, q.hnormalized()))) continue;
     const Eigen::Vector3d from_other = p - T_seen_other.translation();
     angles.push_back(std::atan2(p.cross(from_other).norm(), p.dot(from_other)));
   }
