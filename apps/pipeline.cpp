@@ -261,6 +261,7 @@ FullPeerKeyframe Pipeline::with_filter(PeerKeyframe answer) const {
 std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {
   if (!collaborator_) return std::nullopt;
   const StageTimer timer(peer_work_.place_ms);
+  if (drift_ && collaborator_->has_started_anew(advert)) drift_->forget_drone(advert.sender);
   return collaborator_->answer(advert);
 }
 

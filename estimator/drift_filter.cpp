@@ -186,16 +186,20 @@ void DriftFilter::forget(int index) {
   P_.conservativeResize(n, n);
 }
 
-void DriftFilter::forget_other_flight(std::size_t drone, const KeyframePose& keyframe) {
-  const bool starts_anew =
-      drone != 0 && std::any_of(nodes_.begin(), nodes_.end(), [&](const Node& known) {
-        return known.drone == drone && !are_of_one_flight(known, keyframe);
-      });
-  if (!starts_anew) return;
-  for (int i = keyframes() - 1; i >= 0; --i) {
-    if (node(i).drone == drone) forget(i);
+bool DriftFilter::is_of_other_flight(std::size_t drone, const KeyframePose& keyframe) const {
+  return drone != 0 && std::any_of(nodes_.begin(), nodes_.end(), [&](const Node& known) {
+           return known.drone == drone && !are_of_one_flight(known, keyframe);
+         });
+}
+
+void DriftFilter::forget_drone(const std::string& peer) {
+  for (std::size_t drone = 1; drone < drones_.size(); ++drone) {
+    if (drones_[drone].name != peer) continue;
+    for (int i = keyframes() - 1; i >= 0; --i) {
+      if (node(i).drone == drone) forget(i);
+    }
+    drones_[drone] = newcomer(peer);
   }
-  drones_[drone] = newcomer(drones_[drone].name);
 }
 
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
@@ -206,7 +210,7 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index) return DriftOutcome::kInvalid;
-  forget_other_flight(*index, measurement.other);
+  if (is_of_other_flight(*index, measurement.other)) forget_drone(measurement.drone);
   Drone& drone = drones_[*index];
   if (drone.world.known) return use(*index, measurement);
   const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);

@@ -60,6 +60,10 @@ class DriftFilter {
   void add_own(const KeyframePose& pose);
   DriftOutcome add(const RelativePose& measurement);
 
+  // All that a peer has said, since it began another flight. add() sees that by itself where ids
+  // and stamps cannot be of one flight.
+  void forget_drone(const std::string& peer);
+
   // The odometry's output with the present drift taken out.
   [[nodiscard]] Odometry corrected(const Odometry& alone) const;
 
@@ -104,8 +108,7 @@ class DriftFilter {
 
   [[nodiscard]] Drone newcomer(const std::string& name) const;
   [[nodiscard]] std::optional<std::size_t> drone_index(const std::string& name);
-  // All that is known of a drone, if this keyframe of it is of another flight than that.
-  void forget_other_flight(std::size_t drone, const KeyframePose& keyframe);
+  [[nodiscard]] bool is_of_other_flight(std::size_t drone, const KeyframePose& keyframe) const;
   [[nodiscard]] const Node& node(int index) const {
     return nodes_[static_cast<std::size_t>(index)];
   }

@@ -327,11 +327,12 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   ++report_.adverts_received;
+  if (has_started_anew(advert)) forget(advert.sender);
+  matcher_.note_keyframe(advert.sender, advert.keyframe_id);
   if (int* counter = refusal(advert)) {
     ++*counter;
     return std::nullopt;
   }
-  if (matcher_.note_keyframe(advert.sender, advert.keyframe_id)) forget(advert.sender);
   std::optional<PeerKeyframe> answer = best_answer(advert);
   if (!answer) {
     ++report_.advert_unknown_place;
@@ -344,6 +345,10 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   limiter_.sent(advert.sender, answer->pose.keyframe_id, now_ns_);
   ++report_.answered;
   return answer;
+}
+
+bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
+  return matcher_.has_started_anew(advert.sender, advert.keyframe_id);
 }
 
 int* Collaborator::refusal(const PlaceAdvert& advert) {

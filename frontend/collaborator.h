@@ -120,6 +120,10 @@ class Collaborator {
   // what peers have answered before. Of each drone the one with the most similar view.
   [[nodiscard]] std::vector<KeyframeMatch> revisit();
 
+  // Has who asks begun a new flight since it was answered or heard? What it told before holds no
+  // more, and answer() forgets it.
+  [[nodiscard]] bool has_started_anew(const PlaceAdvert& advert) const;
+
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 

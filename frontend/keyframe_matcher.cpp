@@ -115,16 +115,15 @@ void KeyframeMatcher::know_world(const std::string& drone, const Eigen::Isometry
   worlds_[drone].T_own_drone = T_own_drone;
 }
 
-bool KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyframe_id) {
+bool KeyframeMatcher::has_started_anew(const std::string& drone, std::uint64_t keyframe_id) const {
   const auto known = worlds_.find(drone);
-  if (known == worlds_.end()) return false;
-  const bool starts_anew = keyframe_id < known->second.newest_keyframe;
-  if (starts_anew) {
-    worlds_.erase(known);
-  } else {
-    known->second.newest_keyframe = keyframe_id;
-  }
-  return starts_anew;
+  return known != worlds_.end() && keyframe_id < known->second.newest_keyframe;
+}
+
+void KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyframe_id) {
+  if (has_started_anew(drone, keyframe_id)) worlds_.erase(drone);
+  const auto known = worlds_.find(drone);
+  if (known != worlds_.end()) known->second.newest_keyframe = keyframe_id;
 }
 
 std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {

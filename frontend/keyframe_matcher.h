@@ -75,9 +75,10 @@ class KeyframeMatcher {
   // Where a drone's world lies in the own one, as far as that is known by now.
   void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
 
-  // Keyframes count up, so a drone whose count falls has started anew: its world is forgotten, and
-  // it returns true.
-  bool note_keyframe(const std::string& drone, std::uint64_t keyframe_id);
+  // Keyframes count up, so a drone of known world whose count falls has started anew.
+  [[nodiscard]] bool has_started_anew(const std::string& drone, std::uint64_t keyframe_id) const;
+  // Forgets the world of a drone that has.
+  void note_keyframe(const std::string& drone, std::uint64_t keyframe_id);
 
   // None while it is not known.
   [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;

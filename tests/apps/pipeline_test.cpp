@@ -10,6 +10,7 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "apps/dataset.h"
 #include "apps/grey_image.h"
@@ -196,6 +197,27 @@ TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
   EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
   EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
   EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
+}
+
+// Its clock too may begin again: ids and stamps alone would pass for an earlier part of the flight.
+TEST(Pipeline, OfAPeerWhoseQuestionsCountFromTheBeginningAgainNothingIsKept) {
+  Drone one("uav0", FlightMode::kCollaborative), other("uav1", FlightMode::kCollaborative);
+  const DriftFilter& known = *one.pipeline().team_knowledge();
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.advert) continue;
+    const auto answer = other.pipeline().answer(*mine.advert);
+    if (answer) (void)one.pipeline().fuse(*answer);
+  }
+  PlaceAdvert question;
+  question.sender = "uav1";
+  for (const auto& [keyframe_id, is_known] :
+       {std::pair(5, true), std::pair(6, true), std::pair(1, false)}) {
+    question.keyframe_id = static_cast<std::uint64_t>(keyframe_id);
+    (void)one.pipeline().answer(question);
+    EXPECT_EQ(known.alignment("uav1").has_value(), is_known) << keyframe_id;
+  }
 }
 
 TEST(Pipeline, InThePapersExchangeEveryImageAsksAndAnswersHoldTheFilterOfTheirKeyframe) {

@@ -218,6 +218,26 @@ TEST(DriftFilter, APeerThatStartsAnewElsewhereIsAlignedAnew) {
   EXPECT_FALSE(filter.alignment("uav1")) << "nobody knows yet where its new world lies";
 }
 
+TEST(DriftFilter, ADroneThatIsForgottenLeavesNothingButItsName) {
+  const Walk own = walk(1, 30, {0, 0, 0}), other = walk(2, 30, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+  for (std::size_t i = 5; i < 25; i += 5) {
+    ASSERT_EQ(filter.add(relative(own, i, other, i, i, "uav1")), DriftOutcome::kUsed);
+    ASSERT_EQ(filter.add(relative(own, i, other, i, i + 50, "uav2")), DriftOutcome::kUsed);
+  }
+  const WorldAlignment kept = *filter.alignment("uav2");
+  const int keyframes = filter.keyframes();
+  filter.forget_drone("uav1");
+  filter.forget_drone("never heard");
+  EXPECT_LT(filter.keyframes(), keyframes);
+  EXPECT_FALSE(filter.alignment("uav1"));
+  EXPECT_TRUE(filter.alignment("uav2")->T_own_peer.isApprox(kept.T_own_peer));
+  EXPECT_EQ(filter.peers().size(), 2u);
+  EXPECT_GT(least_eigenvalue(filter), 0);
+  EXPECT_EQ(filter.add(relative(own, 25, other, 25, 99, "uav1")), DriftOutcome::kUsed);
+}
+
 TEST(DriftFilter, InventedDronesAreBounded) {
   const Walk own = walk(1, 3, {0, 0, 0}), other = walk(2, 3, {-3, 0, 0});
   DriftFilter filter({}, "uav0");
