@@ -96,6 +96,7 @@ std::string drawing_of(const std::vector<DatasetComparison>& comparisons) {
     legend.push_back({style_of(result).label, style_of(result).color});
   }
   std::vector<Chart> charts;
+  charts.reserve(comparisons.size());
   for (const DatasetComparison& comparison : comparisons) charts.push_back(chart_of(comparison));
   return chart_sheet(charts, legend);
 }
