@@ -186,10 +186,16 @@ void DriftFilter::forget(int index) {
   P_.conservativeResize(n, n);
 }
 
-bool DriftFilter::is_of_other_flight(std::size_t drone, const KeyframePose& keyframe) const {
-  return drone != 0 && std::any_of(nodes_.begin(), nodes_.end(), [&](const Node& known) {
-           return known.drone == drone && !are_of_one_flight(known, keyframe);
-         });
+bool DriftFilter::is_of_present_flight(std::size_t drone, const KeyframePose& keyframe) {
+  if (drone == 0) return true;
+  bool starts_anew = false;
+  for (const Node& known : nodes_) {
+    if (known.drone != drone || are_of_one_flight(known, keyframe)) continue;
+    if (keyframe.stamp_ns <= known.stamp_ns) return false;
+    starts_anew = true;
+  }
+  if (starts_anew) forget_drone(drones_[drone].name);
+  return true;
 }
 
 void DriftFilter::forget_drone(const std::string& peer) {
@@ -198,7 +204,7 @@ void DriftFilter::forget_drone(const std::string& peer) {
     for (int i = keyframes() - 1; i >= 0; --i) {
       if (node(i).drone == drone) forget(i);
     }
-    drones_[drone] = newcomer(peer);
+    drones_[drone] = newcomer(drones_[drone].name);
   }
 }
 
@@ -209,8 +215,7 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
     return DriftOutcome::kInvalid;
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
-  if (!index) return DriftOutcome::kInvalid;
-  if (is_of_other_flight(*index, measurement.other)) forget_drone(measurement.drone);
+  if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
   if (drone.world.known) return use(*index, measurement);
   const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);

@@ -60,8 +60,8 @@ class DriftFilter {
   void add_own(const KeyframePose& pose);
   DriftOutcome add(const RelativePose& measurement);
 
-  // All that a peer has said, since it began another flight. add() sees that by itself where ids
-  // and stamps cannot be of one flight.
+  // All that a peer has said, since it began another flight. add() sees that by itself where its
+  // ids begin again and its clock goes on.
   void forget_drone(const std::string& peer);
 
   // The odometry's output with the present drift taken out.
@@ -108,7 +108,9 @@ class DriftFilter {
 
   [[nodiscard]] Drone newcomer(const std::string& name) const;
   [[nodiscard]] std::optional<std::size_t> drone_index(const std::string& name);
-  [[nodiscard]] bool is_of_other_flight(std::size_t drone, const KeyframePose& keyframe) const;
+  // A keyframe of a later flight than what is known of the drone ends that: all of it is forgotten.
+  // False if the keyframe is itself of an earlier one.
+  [[nodiscard]] bool is_of_present_flight(std::size_t drone, const KeyframePose& keyframe);
   [[nodiscard]] const Node& node(int index) const {
     return nodes_[static_cast<std::size_t>(index)];
   }

@@ -196,12 +196,14 @@ TEST(DriftFilter, WhatAPeerSaidBeforeItStartedAnewIsForgotten) {
     ASSERT_EQ(filter.add(relative(own, i, first, i, i)), DriftOutcome::kUsed);
   }
   const int keyframes = filter.keyframes();
+  const RelativePose late = relative(own, 29, first, 29, 4);
   ASSERT_EQ(filter.add(relative(own, 45, second, 12, 5)), DriftOutcome::kUsed);
   ASSERT_EQ(fresh.add(relative(own, 45, second, 12, 5)), DriftOutcome::kUsed);
   EXPECT_LT(filter.keyframes(), keyframes) << "only the own ones and the new ones are left";
   EXPECT_NEAR(filter.alignment("uav1")->position_sigma, fresh.alignment("uav1")->position_sigma,
               0.2 * fresh.alignment("uav1")->position_sigma);
   EXPECT_GT(least_eigenvalue(filter), 0);
+  EXPECT_EQ(filter.add(late), DriftOutcome::kInvalid) << "of the earlier flight";
   EXPECT_EQ(filter.add(relative(own, 50, second, 17, 6)), DriftOutcome::kUsed);
 }
 
