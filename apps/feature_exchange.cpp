@@ -218,6 +218,7 @@ std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const Flo
   KeyframeMatch match;
   match.drone = drones_[other.drone].name;
   match.own = own.pose;
+  match.own_before = own.before;
   match.other = other.pose;
   match.other_before = other.before;
   match.T_other_own = other.T_world_cam_true.inverse() * own.T_world_cam_true;
@@ -229,6 +230,7 @@ std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const Flo
         {mine->track_id,
          mine->bearing + mismatch(drone, mine->track_id, other.drone, theirs->track_id),
          theirs->bearing, theirs->inverse_depth, theirs->inverse_depth_sigma});
+    add_own_depth(*mine, config_.limits.matching.max_relative_sigma, match.matches.back());
   }
   return match;
 }

@@ -20,19 +20,46 @@ namespace covey {
 namespace {
 
 constexpr int kSize = 6;                    // of one keyframe's error
-constexpr int kNewAtOnce = 3;               // keyframes of one relative pose
+constexpr int kNewAtOnce = 4;               // keyframes of one relative pose
 constexpr std::size_t kMaxHistory = 10000;  // own keyframes
 // Relative poses of one drone: what is here already, and its answer.
 constexpr int kMostPerKeyframe = 2;
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
+// Of a relative pose and the ratio of depths.
+constexpr int kRows = kSize + 1;
+using Vector7d = Eigen::Matrix<double, kRows, 1>;
+using Matrix7d = Eigen::Matrix<double, kRows, kRows>;
+using Matrix76d = Eigen::Matrix<double, kRows, kSize>;
+
 constexpr auto block(int node) { return kSize * node; }
+
+// Of the relative pose, turned by R, and the ratio; without a ratio its row stands for itself.
+Matrix7d noise_of(const RelativePose& measurement, const DepthRatio* ratio,
+                  const Eigen::Matrix3d& R) {
+  Matrix7d noise = Matrix7d::Identity();
+  noise.topLeftCorner<kSize, kSize>() = rotated(measurement.covariance, R);
+  if (ratio == nullptr) return noise;
+  noise.block<3, 1>(0, kSize) = R * ratio->covariance_with_pose.head<3>();
+  noise.block<3, 1>(3, kSize) = R * ratio->covariance_with_pose.tail<3>();
+  noise.bottomLeftCorner<1, kSize>() = noise.topRightCorner<kSize, 1>().transpose();
+  noise(kSize, kSize) = ratio->variance;
+  return noise;
+}
+
+// Is the way such that depths measured over it are as wrong as it is?
+bool measures_depths(const KeyframePose& from, const KeyframePose& to, double least_s) {
+  return seconds_between(from.stamp_ns, to.stamp_ns) >= least_s &&
+         !scale_gradient(from.T_world_cam.translation(), to.T_world_cam.translation()).isZero();
+}
 
 }  // namespace
 
 DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
-    : config_(config), gate_limit_(chi_square_quantile(config.gate_confidence, kSize)) {
+    : config_(config),
+      gate_limit_(chi_square_quantile(config.gate_confidence, kSize)),
+      gate_limit_with_ratio_(chi_square_quantile(config.gate_confidence, kRows)) {
   drones_.push_back({std::move(own_name), {}, {}, {}, {}});
   drones_.front().world.known = true;
 }
@@ -214,6 +241,12 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
       !is_positive_definite<6>(measurement.other_before.covariance)) {
     return DriftOutcome::kInvalid;
   }
+  if (measurement.depth_ratio &&
+      (!is_positive_definite<kRows>(
+           noise_of(measurement, &*measurement.depth_ratio, Eigen::Matrix3d::Identity())) ||
+       !is_positive_definite<6>(measurement.depth_ratio->own_before.covariance))) {
+    return DriftOutcome::kInvalid;
+  }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
@@ -254,36 +287,60 @@ void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
   }
 }
 
-// r = e_own - e_other + [b]x dtheta_other - b g (dp_other - dp_before) + n, b from other to own.
+const DepthRatio* DriftFilter::usable_ratio(const RelativePose& measurement) const {
+  const double least_s = config_.least_depth_memory_s;
+  if (!measurement.depth_ratio ||
+      !measures_depths(measurement.depth_ratio->own_before, measurement.own, least_s) ||
+      !measures_depths(measurement.other_before, measurement.other, least_s)) {
+    return nullptr;
+  }
+  return &*measurement.depth_ratio;
+}
+
+// r = e_own - e_other + [b]x dtheta_other - b s_other + n, b from other to own, and of the depths
+// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short.
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   const std::uint64_t own_keyframe = measurement.own.keyframe_id;
   if (said_enough(drones_[drone], own_keyframe)) return DriftOutcome::kRepeated;
   make_room();
+  const DepthRatio* ratio = usable_ratio(measurement);
   const int own = find_or_insert(to_node(0, measurement.own));
+  const int own_before = ratio != nullptr ? find_or_insert(to_node(0, ratio->own_before)) : own;
   const int before = find_or_insert(to_node(drone, measurement.other_before));
   const int other = find_or_insert(to_node(drone, measurement.other));
   if (own == other) return DriftOutcome::kInvalid;
   const Node &k = node(own), &m = node(other);
   const Eigen::Vector3d b = k.p - m.p;
-  const Eigen::Matrix3d by_scale = b * scale_gradient(node(before).p, m.p);
-  Matrix6d H_other = -Matrix6d::Identity(), H_before = Matrix6d::Zero();
-  H_other.topLeftCorner<3, 3>() -= by_scale;
-  H_other.topRightCorner<3, 3>() = skew(b);
-  H_before.topLeftCorner<3, 3>() = by_scale;
-  const std::array<std::pair<int, Matrix6d>, 3> terms{
-      {{own, Matrix6d::Identity()}, {other, H_other}, {before, H_before}}};
+  const Eigen::RowVector3d s_other = scale_gradient(node(before).p, m.p);
+  Matrix76d H_own = Matrix76d::Identity(), H_own_before = Matrix76d::Zero();
+  Matrix76d H_other = -Matrix76d::Identity(), H_before = Matrix76d::Zero();
+  H_other.topLeftCorner<3, 3>() -= b * s_other;
+  H_other.block<3, 3>(0, 3) = skew(b);
+  H_before.topLeftCorner<3, 3>() = b * s_other;
+  Vector7d r = Vector7d::Zero();
+  r.head<kSize>() = relative_residual(measurement.T_other_own, m.R, k.R, b);
+  if (ratio != nullptr) {
+    const Eigen::RowVector3d s_own = scale_gradient(node(own_before).p, k.p);
+    H_own.bottomLeftCorner<1, 3>() = s_own;
+    H_own_before.bottomLeftCorner<1, 3>() = -s_own;
+    H_other.bottomLeftCorner<1, 3>() = -s_other;
+    H_before.bottomLeftCorner<1, 3>() = s_other;
+    r(kSize) = ratio->log_ratio;
+  }
+  const std::array<std::pair<int, Matrix76d>, kNewAtOnce> terms{
+      {{own, H_own}, {own_before, H_own_before}, {other, H_other}, {before, H_before}}};
 
-  Vector6d r = relative_residual(measurement.T_other_own, m.R, k.R, b);
-  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kSize);
+  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kRows);
   for (const auto& [index, H] : terms) {
     r -= H * x_.segment<kSize>(block(index));
     PHt += P_.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix6d S = repetition(drones_[drone], k.stamp_ns) * rotated(measurement.covariance, m.R);
+  Matrix7d S = repetition(drones_[drone], k.stamp_ns) * noise_of(measurement, ratio, m.R);
   for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
-  const Eigen::LLT<Matrix6d> cholesky((S + S.transpose()) / 2);
+  const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
-  if (r.dot(cholesky.solve(r)) > gate_limit_) return DriftOutcome::kGated;
+  const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;
+  if (r.dot(cholesky.solve(r)) > limit) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_ += W.transpose() * cholesky.matrixL().solve(r);
   P_ -= W.transpose() * W;

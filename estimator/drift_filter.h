@@ -10,7 +10,9 @@
 //   e_b = F_ab e_a + w,   F_ab = [I  -[p_b - p_a]x zz^T; 0  I],   cov(w) = P_b - F_ab P_a F_ab^T,
 // (yaw turns what comes after it; tilt is kept by gravity and does not). A keyframe is put into its
 // drone's chain when it is first needed, between those that are there (Brownian bridge). Two
-// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns.
+// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns;
+// and where both have measured their depths, by how much more the one's odometry is wrong over the
+// way on which it did than the other's.
 #pragma once
 
 #include <cstddef>
@@ -38,6 +40,9 @@ struct DriftConfig {
   double same_corners_s = 1.0;  // s
   // Do all drones start in one world? If not, each peer's world is aligned first.
   bool common_start = true;
+  // Depths are as wrong as the way on which they were measured, if that took so long: those of the
+  // first moments of a flight are wrong in ways of their own and are not compared.
+  double least_depth_memory_s = 3.0;  // s
   WorldVoteConfig alignment;
   int max_drones = 64;  // who invents more names is not heard
 };
@@ -127,10 +132,12 @@ class DriftFilter {
   // Has the drone said all that is believed of it about this own keyframe?
   [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
   void count_used(Drone& drone, std::uint64_t own_keyframe);
+  // None if the ratio of the depths says nothing of both drones' odometry.
+  [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
 
   DriftConfig config_;
-  double gate_limit_;
+  double gate_limit_, gate_limit_with_ratio_;
   std::vector<Drone> drones_;  // first the own one
   std::vector<Node> nodes_;
   Eigen::VectorXd x_;  // 6 per node

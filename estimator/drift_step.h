@@ -10,8 +10,6 @@
 
 namespace covey {
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 // How the error at `from` shows at `to`, m: yaw turns what comes after it; tilt is kept by gravity
 // and does not.
 [[nodiscard]] Matrix6d drift_lever(const Eigen::Vector3d& from, const Eigen::Vector3d& to);

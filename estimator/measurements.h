@@ -27,6 +27,7 @@ using TimeNs = std::int64_t;
 }
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 struct ImuSample {
   TimeNs stamp_ns = 0;
@@ -153,13 +154,15 @@ struct LandmarkMatch {
   Eigen::Vector2d other_bearing = Eigen::Vector2d::Zero();  // in the other keyframe
   double inverse_depth = 0;                                 // 1/m, there
   double inverse_depth_sigma = 0;                           // 1/m
+  // 1/m, in the own keyframe as the own drone has measured it; 0: it has not.
+  double own_inverse_depth = 0, own_inverse_depth_sigma = 0;
 };
 
 // An own keyframe and another one, of a peer or an older one of the own, that see the same points.
 struct KeyframeMatch {
-  std::string drone;  // whose keyframe the other one is
-  KeyframePose own;
-  KeyframePose other, other_before;  // in that drone's world, as in PeerKeyframe
+  std::string drone;                                              // whose keyframe the other one is
+  KeyframePose own, own_before;                                   // as in PeerKeyframe
+  KeyframePose other, other_before;                               // in that drone's world
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
   double bearing_sigma = 0;  // to which two drones agree on a corner, normalised plane
   std::vector<LandmarkMatch> matches;

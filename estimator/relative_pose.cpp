@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "estimator/so3.h"
@@ -11,70 +12,100 @@
 namespace covey {
 namespace {
 
-using Matrix26d = Eigen::Matrix<double, 2, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix37d = Eigen::Matrix<double, 3, 7>;
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
+using Vector7d = Eigen::Matrix<double, 7, 1>;
 
 constexpr int kIterations = 15;
-constexpr double kConverged = 1e-6;  // m and rad
+constexpr double kConverged = 1e-6;  // m, rad and log ratio
 constexpr double kOutlier = 9.21;    // chi-square, 2 degrees of freedom, 99 %
+// Corners of two drones agree but for what is wrong. What was found in the image lies nearer than
+// its sigma by half, or far off (flights in four scenes): a tail as Cauchy's distribution has it.
+constexpr double kCornerTail = kOutlier, kFoundTail = 1;
+constexpr double kUnknownRatio = 1;  // standard deviation of a log ratio of which nothing is known
+constexpr double kSureRatio = 0.02;  // less certain than that, it says nothing about odometry
 
-// One match seen by a hypothesis: residual, its covariance, and how it changes with [dp dtheta].
+// One match seen by a hypothesis: residual of the own bearing and of the own inverse depth, its
+// covariance, and how it changes with [dp dtheta log_ratio]. Without an own depth its row says
+// nothing.
 struct Row {
   bool in_front = false;
-  Eigen::Vector2d r = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Identity();
-  Matrix26d J = Matrix26d::Zero();
+  Eigen::Vector3d r = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
+  Matrix37d J = Matrix37d::Zero();
 };
 
-// q = R^T (a - rho p), the landmark in the own camera times rho: points far away need no care.
-Row linearize(const Eigen::Isometry3d& T_other_own, const LandmarkMatch& match, double sigma) {
+// q = R^T (a - rho p), the landmark in the own camera times rho: points far away need no care. The
+// own inverse depth is rho / q_z times the ratio.
+Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const LandmarkMatch& match,
+              double sigma) {
   Row row;
   const Eigen::Matrix3d Rt = T_other_own.linear().transpose();
   const Eigen::Vector3d& p = T_other_own.translation();
-  const Eigen::Vector3d turned = match.other_bearing.homogeneous() - match.inverse_depth * p;
+  const double rho = match.inverse_depth;
+  const Eigen::Vector3d turned = match.other_bearing.homogeneous() - rho * p;
   const Eigen::Vector3d q = Rt * turned;
   row.in_front = q.z() > 1e-3;
   if (!row.in_front) return row;
-  Eigen::Matrix<double, 2, 3> J_q;
-  J_q << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
-  J_q /= q.z();
-  const Eigen::Matrix<double, 2, 3> J_turned = J_q * Rt;
-  row.r = match.bearing - q.hnormalized();
-  row.J << -match.inverse_depth * J_turned, J_turned * skew(turned);
-  const Eigen::Vector2d by_depth = J_turned * p * match.inverse_depth_sigma;
-  row.covariance = sigma * sigma * Eigen::Matrix2d::Identity() + by_depth * by_depth.transpose();
+  Eigen::Matrix3d J_q = Eigen::Matrix3d::Zero();
+  J_q.topRows<2>() << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
+  J_q.topRows<2>() /= q.z();
+  Eigen::Vector3d variances = Eigen::Vector3d::Constant(sigma * sigma);
+  Eigen::Vector3d J_rho = Eigen::Vector3d::Zero();  // but for what q changes with it
+  row.r.head<2>() = match.bearing - q.hnormalized();
+  if (match.own_inverse_depth > 0) {
+    const double expected = rho / q.z() * std::exp(log_ratio);
+    row.r.z() = match.own_inverse_depth - expected;
+    J_q(2, 2) = -expected / q.z();
+    J_rho.z() = expected / rho;
+    row.J(2, 6) = expected;
+    variances.z() = match.own_inverse_depth_sigma * match.own_inverse_depth_sigma;
+  }
+  const Eigen::Matrix3d J_turned = J_q * Rt;
+  row.J.leftCols<3>() = -rho * J_turned;
+  row.J.middleCols<3>(3) = J_turned * skew(turned);
+  const Eigen::Vector3d by_depth = (J_rho - J_turned * p) * match.inverse_depth_sigma;
+  row.covariance = by_depth * by_depth.transpose();
+  row.covariance.diagonal() += variances;
   return row;
 }
 
 struct Sightings {
   const std::vector<LandmarkMatch>& landmarks;
   double sigma;  // of the own bearings
+  double tail;   // chi-square beyond which a match's pull no longer grows with its distance
 };
 
 Sightings best_of(const KeyframeMatch& match, int min_inliers) {
   if (match.aligned.size() >= static_cast<std::size_t>(min_inliers)) {
-    return {match.aligned, match.aligned_sigma};
+    return {match.aligned, match.aligned_sigma, kFoundTail};
   }
-  return {match.matches, match.bearing_sigma};
+  return {match.matches, match.bearing_sigma, kCornerTail};
 }
 
+struct Hypothesis {
+  Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();
+  double log_ratio = 0;
+};
+
 struct Normal {
-  Matrix6d A = Matrix6d::Zero();
-  Vector6d b = Vector6d::Zero();
+  Matrix7d A = Matrix7d::Zero();
+  Vector7d b = Vector7d::Zero();
   int inliers = 0;
 };
 
-// Beyond `outlier` a match keeps a pull that no longer grows with its distance (Cauchy); inliers
-// are counted.
-Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_own,
-                  double outlier) {
+// Cauchy's weights; inliers are counted.
+Normal accumulate(const Sightings& sightings, const Hypothesis& hypothesis, double tail) {
   Normal normal;
+  normal.A(6, 6) = 1 / (kUnknownRatio * kUnknownRatio);
+  normal.b(6) = -hypothesis.log_ratio * normal.A(6, 6);
   for (const LandmarkMatch& landmark : sightings.landmarks) {
-    const Row row = linearize(T_other_own, landmark, sightings.sigma);
+    const Row row =
+        linearize(hypothesis.T_other_own, hypothesis.log_ratio, landmark, sightings.sigma);
     if (!row.in_front) continue;
-    const Eigen::Matrix2d W = row.covariance.inverse();
+    const Eigen::Matrix3d W = row.covariance.inverse();
     const double distance = row.r.dot(W * row.r);
-    const double weight = 1 / (1 + distance / outlier);
+    const double weight = 1 / (1 + distance / tail);
     normal.A += weight * row.J.transpose() * W * row.J;
     normal.b += weight * row.J.transpose() * W * row.r;
     normal.inliers += distance < kOutlier ? 1 : 0;
@@ -83,18 +114,19 @@ Normal accumulate(const Sightings& sightings, const Eigen::Isometry3d& T_other_o
 }
 
 // From afar all matches are heard; who disagrees is left out as the pose gets better.
-std::optional<Normal> solve(const Sightings& sightings, Eigen::Isometry3d& T) {
-  constexpr double kWidest = 1024, kNarrower = 0.25;
-  double widened = kWidest;
+std::optional<Normal> solve(const Sightings& sightings, Hypothesis& hypothesis) {
+  constexpr double kWidest = 9216, kNarrower = 0.25;  // chi-square
+  double tail = kWidest;
   Normal normal;
   for (int i = 0; i < kIterations; ++i) {
-    widened = std::max(1.0, kNarrower * widened);
-    normal = accumulate(sightings, T, widened * kOutlier);
-    const Vector6d step = normal.A.ldlt().solve(normal.b);
+    tail = std::max(sightings.tail, kNarrower * tail);
+    normal = accumulate(sightings, hypothesis, tail);
+    const Vector7d step = normal.A.ldlt().solve(normal.b);
     if (!step.allFinite()) return std::nullopt;
-    T.translation() += step.head<3>();
-    T.linear() = exp_so3(step.tail<3>()) * T.linear();
-    if (widened == 1.0 && step.cwiseAbs().maxCoeff() < kConverged) break;
+    hypothesis.T_other_own.translation() += step.head<3>();
+    hypothesis.T_other_own.linear() = exp_so3(step.segment<3>(3)) * hypothesis.T_other_own.linear();
+    hypothesis.log_ratio += step(6);
+    if (tail == sightings.tail && step.cwiseAbs().maxCoeff() < kConverged) break;
   }
   return normal;
 }
@@ -102,14 +134,22 @@ std::optional<Normal> solve(const Sightings& sightings, Eigen::Isometry3d& T) {
 }  // namespace
 
 std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
-  Eigen::Isometry3d T = match.T_other_own;
-  const std::optional<Normal> normal = solve(best_of(match, min_inliers), T);
+  Hypothesis found{match.T_other_own, 0};
+  const std::optional<Normal> normal = solve(best_of(match, min_inliers), found);
   if (!normal || normal->inliers < min_inliers) return std::nullopt;
-  const Eigen::LLT<Matrix6d> cholesky(normal->A);
-  if (cholesky.info() != Eigen::Success || cholesky.rcond() < 1e-12) return std::nullopt;
-  RelativePose pose{match.drone, match.own, match.other,    match.other_before,
-                    T,           {},        normal->inliers};
-  pose.covariance = cholesky.solve(Matrix6d::Identity());
+  const Eigen::LLT<Matrix7d> cholesky(normal->A);
+  if (cholesky.info() != Eigen::Success) return std::nullopt;
+  const Matrix7d covariance = cholesky.solve(Matrix7d::Identity());
+  const Eigen::LLT<Matrix6d> fixed(covariance.topLeftCorner<6, 6>());
+  if (fixed.info() != Eigen::Success || fixed.rcond() < 1e-12) return std::nullopt;
+  RelativePose pose{match.drone,       match.own,
+                    match.other,       match.other_before,
+                    found.T_other_own, covariance.topLeftCorner<6, 6>(),
+                    normal->inliers,   {}};
+  if (covariance(6, 6) < kSureRatio * kSureRatio) {
+    pose.depth_ratio = {match.own_before, found.log_ratio, covariance(6, 6),
+                        covariance.topRightCorner<6, 1>()};
+  }
   return pose;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Where an own keyframe's camera stands, seen from another keyframe's: own bearings of landmarks
-// whose bearings and depths the other one knows.
+// whose bearings and depths the other one knows. Where the own drone has measured depths of its
+// own, also how they compare with the other's.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -11,6 +12,15 @@
 #include "estimator/measurements.h"
 
 namespace covey {
+
+// Depths are as wrong as odometry is over the way on which they were measured. Two drones' depths
+// of the same landmarks tell by how much more the one is wrong than the other.
+struct DepthRatio {
+  KeyframePose own_before;  // over the way from here to `own` the own depths were measured
+  double log_ratio = 0;     // of the other's depths to the own ones
+  double variance = 1;
+  Vector6d covariance_with_pose = Vector6d::Zero();  // with [dp dtheta]
+};
 
 struct RelativePose {
   std::string drone;        // whose keyframe `other` is
@@ -23,6 +33,7 @@ struct RelativePose {
   // in it: directions that the landmarks leave open are as uncertain as they are.
   Matrix6d covariance = Matrix6d::Identity();
   int inliers = 0;
+  std::optional<DepthRatio> depth_ratio;
 };
 
 // From what was found in the image, if that is enough, else from the corners that both drones

@@ -195,13 +195,20 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
     return NoMatch{NoMatchReason::kTooFewMatches};
   }
+  // What a landmark is next to is as far away.
+  std::map<std::size_t, const KeyframeFeature*> own_of;
+  for (const IndexPair& pair : pairs) own_of[pair.peer] = &own.features[pair.own];
   const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing, std::size_t index) {
     const PeerLandmark& landmark = landmarks[index];
-    return LandmarkMatch{track, bearing, landmark.bearing, landmark.inverse_depth,
-                         landmark.inverse_depth_sigma};
+    LandmarkMatch one{track, bearing, landmark.bearing, landmark.inverse_depth,
+                      landmark.inverse_depth_sigma};
+    const auto mine = own_of.find(index);
+    if (mine != own_of.end()) add_own_depth(*mine->second, config_.max_relative_sigma, one);
+    return one;
   };
   KeyframeMatch match{other.sender,
                       own.pose,
+                      own.before,
                       other.pose,
                       other.before,
                       T_other_own,

@@ -63,6 +63,14 @@ struct NoMatch {
 [[nodiscard]] bool is_certain(double inverse_depth, double inverse_depth_sigma,
                               double max_relative_sigma);
 
+// What the own drone knows of a landmark's depth, if it is certain.
+template <typename Feature>
+void add_own_depth(const Feature& own, double max_relative_sigma, LandmarkMatch& match) {
+  if (!is_certain(own.inverse_depth, own.inverse_depth_sigma, max_relative_sigma)) return;
+  match.own_inverse_depth = own.inverse_depth;
+  match.own_inverse_depth_sigma = own.inverse_depth_sigma;
+}
+
 [[nodiscard]] ShortDescriptor shortened(const BinaryDescriptor& descriptor);
 
 class KeyframeMatcher {

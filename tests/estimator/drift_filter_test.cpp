@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
 #include "estimator/so3.h"
@@ -116,6 +117,71 @@ TEST(DriftFilter, TwoDronesTogetherAreBetterThanEachAlone) {
   EXPECT_LT(together, 0.75 * alone);
 }
 
+// The share by which odometry has the way from -> to too short.
+double too_short(const Walk& walk, std::size_t from, std::size_t to) {
+  const auto way = [&](std::size_t i, std::size_t j) {
+    return Eigen::Vector3d(walk.keyframes[j].T_world_cam.translation() -
+                           walk.keyframes[i].T_world_cam.translation());
+  };
+  const Eigen::Vector3d truth = walk.truth[to].translation() - walk.truth[from].translation();
+  return (truth - way(from, to)).dot(way(from, to)) / way(from, to).squaredNorm();
+}
+
+// As relative(), and both drones' depths, measured since six keyframes before, were compared.
+RelativePose compared(const Walk& own, std::size_t i, const Walk& other, std::size_t j,
+                      std::uint64_t seed) {
+  constexpr double kSigma = 5e-4;
+  Random random(seed, 0x5ca1e);
+  RelativePose pose = relative(own, i, other, j, seed);
+  DepthRatio ratio;
+  ratio.own_before = own.keyframes[i - 6];
+  ratio.log_ratio =
+      too_short(own, i - 6, i) - too_short(other, j - 6, j) + kSigma * random.gaussian();
+  ratio.variance = kSigma * kSigma;
+  pose.depth_ratio = ratio;
+  return pose;
+}
+
+TEST(DriftFilter, ComparedDepthsTellWhoseOdometryIsWrong) {
+  double without = 0, with = 0, nees = 0;
+  constexpr int kRuns = 60, kComparisons = 18;
+  int used = 0;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    const Walk own = walk(2 * seed, 60, {0, 0, 0}), other = walk(2 * seed + 1, 60, {-3, 0, 0});
+    DriftFilter plain({}, "uav0"), comparing({}, "uav0");
+    for (std::size_t i = 6; i < 60; ++i) {
+      plain.add_own(own.keyframes[i]);
+      comparing.add_own(own.keyframes[i]);
+      if (i % 3 != 0) continue;
+      (void)plain.add(relative(own, i, other, i, 100 * seed + i));
+      used += comparing.add(compared(own, i, other, i, 100 * seed + i)) == DriftOutcome::kUsed;
+    }
+    const Odometry last = odometry_at(own.keyframes.back());
+    const Eigen::Vector3d truth = own.truth.back().translation();
+    const Odometry better = comparing.corrected(last);
+    const Eigen::Vector3d error = better.pose.p_world_imu - truth;
+    without += (plain.corrected(last).pose.p_world_imu - truth).squaredNorm();
+    with += error.squaredNorm();
+    nees += error.dot(better.pose_covariance.topLeftCorner<3, 3>().llt().solve(error));
+    EXPECT_GT(least_eigenvalue(comparing), 0);
+  }
+  EXPECT_GT(used, 0.99 * kRuns * kComparisons) << "one in a thousand is gated by chance";
+  EXPECT_LT(with, 0.9 * without);
+  EXPECT_NEAR(nees / kRuns, 3.0, 1.0);
+}
+
+TEST(DriftFilter, DepthsOfTheFirstMomentsAreNotCompared) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  RelativePose early = compared(own, 12, other, 12, 3);
+  early.depth_ratio->own_before = own.keyframes[8];  // two seconds
+  DriftFilter plain({}, "uav0"), comparing({}, "uav0");
+  EXPECT_EQ(plain.add(relative(own, 12, other, 12, 3)), DriftOutcome::kUsed);
+  EXPECT_EQ(comparing.add(early), DriftOutcome::kUsed);
+  EXPECT_EQ(comparing.keyframes(), plain.keyframes());
+  const Odometry last = odometry_at(own.keyframes.back());
+  EXPECT_EQ(comparing.corrected(last).pose.p_world_imu, plain.corrected(last).pose.p_world_imu);
+}
+
 TEST(DriftFilter, ReturningToAnOwnPlaceTakesTheDriftOut) {
   double alone = 0, together = 0;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
@@ -166,13 +232,16 @@ TEST(DriftFilter, CovarianceStaysPositiveDefiniteOverThousandsOfUpdatesAndTheSta
 }
 
 TEST(DriftFilter, NumbersThatAreNoneAreRefused) {
-  const Walk own = walk(1, 3, {0, 0, 0}), other = walk(2, 3, {-3, 0, 0});
+  const Walk own = walk(1, 7, {0, 0, 0}), other = walk(2, 7, {-3, 0, 0});
   DriftFilter filter({}, "uav0");
   RelativePose pose = relative(own, 1, other, 1, 3);
   pose.covariance(0, 0) = -1;
   EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
   pose = relative(own, 1, other, 1, 3);
   pose.other.covariance(2, 2) = std::nan("");
+  EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+  pose = compared(own, 6, other, 6, 3);
+  pose.depth_ratio->variance = 0;
   EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
   EXPECT_EQ(filter.keyframes(), 0);
 }

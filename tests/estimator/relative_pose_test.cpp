@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <cmath>
+#include <optional>
 
 #include "estimator/so3.h"
 #include "sim/random.h"
@@ -22,8 +24,10 @@ Eigen::Isometry3d true_pose() {
 }
 
 // Landmarks 5..20 m in front of the other camera, whose depths and the own bearings are disturbed.
-KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1) {
-  Random random(seed, 0x3e1a);
+// With a log ratio the own drone has measured their depths too, all of them too small by it.
+KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1,
+                         std::optional<double> log_ratio = std::nullopt) {
+  Random random(seed, 0x3e1a), random_of_own(seed, 0x0d37);
   KeyframeMatch match;
   match.drone = "uav1";
   match.bearing_sigma = kSigma;
@@ -40,6 +44,11 @@ KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1) {
                        noise * kSigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
     landmark.inverse_depth = (1 + noise * kDepthShare * random.gaussian()) / depth;
     landmark.inverse_depth_sigma = kDepthShare / depth;
+    if (log_ratio) {
+      landmark.own_inverse_depth =
+          std::exp(*log_ratio) / p_own.z() * (1 + noise * kDepthShare * random_of_own.gaussian());
+      landmark.own_inverse_depth_sigma = kDepthShare / p_own.z();
+    }
     match.matches.push_back(landmark);
   }
   return match;
@@ -69,6 +78,57 @@ TEST(RelativePose, ErrorsAreAsLargeAsTheCovarianceSays) {
     nees += error_of(*pose).dot(pose->covariance.llt().solve(error_of(*pose)));
   }
   EXPECT_NEAR(nees / kRuns, 6.0, 1.0);
+}
+
+TEST(RelativePose, TwoDronesDepthsTellTheRatioOfTheirScales) {
+  constexpr double kLogRatio = 0.03;
+  const auto exact = estimate_relative_pose(make_match(1, 12, 0, kLogRatio), 8);
+  ASSERT_TRUE(exact && exact->depth_ratio);
+  EXPECT_NEAR(exact->depth_ratio->log_ratio, kLogRatio, 1e-5);
+  EXPECT_LT(error_of(*exact).norm(), 1e-5) << "the pose is in the other's scale";
+  EXPECT_FALSE(estimate_relative_pose(make_match(1, 12, 0), 8)->depth_ratio) << "none measured";
+}
+
+TEST(RelativePose, PoseAndRatioTogetherAreAsUncertainAsTheirCovarianceSays) {
+  constexpr double kLogRatio = -0.01;
+  double nees = 0;
+  constexpr int kRuns = 300;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    const auto pose = estimate_relative_pose(make_match(seed, 30, 1, kLogRatio), 8);
+    ASSERT_TRUE(pose && pose->depth_ratio);
+    Eigen::Matrix<double, 7, 7> P;
+    P << pose->covariance, pose->depth_ratio->covariance_with_pose,
+        pose->depth_ratio->covariance_with_pose.transpose(), pose->depth_ratio->variance;
+    Eigen::Matrix<double, 7, 1> error;
+    error << error_of(*pose), kLogRatio - pose->depth_ratio->log_ratio;
+    nees += error.dot(P.llt().solve(error));
+  }
+  EXPECT_NEAR(nees / kRuns, 7.0, 1.0);
+}
+
+// As in flights: most lie within a third of the sigma, one in five far off.
+TEST(RelativePose, AFewThatWereFoundBadlyCostLittle) {
+  double with_tail = 0, without = 0, nees = 0;
+  constexpr int kRuns = 100;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    Random random(seed, 0x7a11);
+    KeyframeMatch match = make_match(seed, 60, 0);
+    for (LandmarkMatch& one : match.matches) {
+      const double share = random.uniform(0, 1) < 0.2 ? 1.5 : 0.33;
+      one.bearing += share * kSigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
+    }
+    match.aligned = match.matches;
+    match.aligned_sigma = kSigma;
+    const auto found = estimate_relative_pose(match, 8);
+    match.aligned.clear();
+    const auto corners = estimate_relative_pose(match, 8);
+    ASSERT_TRUE(found && corners);
+    with_tail += error_of(*found).head<3>().squaredNorm();
+    without += error_of(*corners).head<3>().squaredNorm();
+    nees += error_of(*found).dot(found->covariance.llt().solve(error_of(*found)));
+  }
+  EXPECT_LT(with_tail, 0.7 * without);
+  EXPECT_LT(nees / kRuns, 6.0);
 }
 
 TEST(RelativePose, WrongMatchesPullLittle) {

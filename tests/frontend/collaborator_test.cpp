@@ -295,6 +295,20 @@ TEST(Collaborator, WhatIsStillTrackedClosesNoLoop) {
   EXPECT_TRUE(drone.revisit().empty());
 }
 
+TEST(Collaborator, WhereBothKnowALandmarksDepthTheyAreCompared) {
+  Team team;
+  const KeyframeMatch match = std::get<KeyframeMatch>(team.uav0.match(team.ask()));
+  ASSERT_GT(match.matches.size(), 8u);
+  for (const LandmarkMatch& landmark : match.matches) {
+    const Eigen::Vector3d seen =
+        match.T_other_own.inverse() *
+        (landmark.other_bearing.homogeneous() / landmark.inverse_depth).eval();
+    EXPECT_NEAR(landmark.own_inverse_depth * seen.z(), 1, 0.05);
+    EXPECT_GT(landmark.own_inverse_depth_sigma, 0);
+  }
+  EXPECT_EQ(match.own_before.keyframe_id, match.own.keyframe_id) << "there is no older one";
+}
+
 TEST(Collaborator, WhatAPeerAnsweredOnceIsRecognisedWithoutAsking) {
   Team team;
   EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(team.ask())));
