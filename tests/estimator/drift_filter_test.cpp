@@ -38,7 +38,7 @@ Walk walk(std::uint64_t seed, int keyframes, const Eigen::Vector3d& start) {
     T.translation() = start + i * kStep_m * Eigen::Vector3d::UnitY();
     walk.truth.push_back(T);
     KeyframePose pose;
-    pose.keyframe_id = static_cast<std::uint64_t>(i + 1);
+    pose.keyframe_id = static_cast<std::uint64_t>(i) + 1;
     pose.stamp_ns = nanoseconds(0.5 * i);
     const Eigen::Vector3d turn(tilt.x(), tilt.y(), yaw);
     pose.T_world_cam.linear() = exp_so3(Eigen::Vector3d(-turn)) * T.linear();
