@@ -27,6 +27,9 @@ constexpr int kMostPerKeyframe = 2;
 // How uncertain a world is taken to be that a few relative poses have aligned.
 constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 
+// Share of the variance of odometry's scale over a way that depths measured on it do not have: they
+// come from some of it more than from the rest (simulated features: 0.1 to 0.5).
+constexpr double kUnsharedScale = 0.25;
 // Of a relative pose and the ratio of depths.
 constexpr int kRows = kSize + 1;
 using Vector7d = Eigen::Matrix<double, kRows, 1>;
@@ -287,6 +290,12 @@ void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
   }
 }
 
+double DriftFilter::unshared_scale_variance(const Node& from, const Node& to) {
+  const Eigen::RowVector3d s = scale_gradient(from.p, to.p);
+  const DriftStep step = drift_step(from.p, from.covariance, to.p, to.covariance);
+  return kUnsharedScale * s * step.Q.topLeftCorner<3, 3>() * s.transpose();
+}
+
 const DepthRatio* DriftFilter::usable_ratio(const RelativePose& measurement) const {
   const double least_s = config_.least_depth_memory_s;
   if (!measurement.depth_ratio ||
@@ -298,7 +307,8 @@ const DepthRatio* DriftFilter::usable_ratio(const RelativePose& measurement) con
 }
 
 // r = e_own - e_other + [b]x dtheta_other - b s_other + n, b from other to own, and of the depths
-// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short.
+// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short; in
+// n is also by how much depths are wrong otherwise.
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   const std::uint64_t own_keyframe = measurement.own.keyframe_id;
   if (said_enough(drones_[drone], own_keyframe)) return DriftOutcome::kRepeated;
@@ -317,7 +327,9 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   H_other.topLeftCorner<3, 3>() -= b * s_other;
   H_other.block<3, 3>(0, 3) = skew(b);
   H_before.topLeftCorner<3, 3>() = b * s_other;
-  Vector7d r = Vector7d::Zero();
+  Matrix7d noise = noise_of(measurement, ratio, m.R);
+  Vector7d by_other = Vector7d::Zero(), r = Vector7d::Zero();
+  by_other.head<3>() = b;
   r.head<kSize>() = relative_residual(measurement.T_other_own, m.R, k.R, b);
   if (ratio != nullptr) {
     const Eigen::RowVector3d s_own = scale_gradient(node(own_before).p, k.p);
@@ -326,7 +338,10 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
     H_other.bottomLeftCorner<1, 3>() = -s_other;
     H_before.bottomLeftCorner<1, 3>() = s_other;
     r(kSize) = ratio->log_ratio;
+    by_other(kSize) = 1;
+    noise(kSize, kSize) += unshared_scale_variance(node(own_before), k);
   }
+  noise += unshared_scale_variance(node(before), m) * by_other * by_other.transpose();
   const std::array<std::pair<int, Matrix76d>, kNewAtOnce> terms{
       {{own, H_own}, {own_before, H_own_before}, {other, H_other}, {before, H_before}}};
 
@@ -335,7 +350,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
     r -= H * x_.segment<kSize>(block(index));
     PHt += P_.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix7d S = repetition(drones_[drone], k.stamp_ns) * noise_of(measurement, ratio, m.R);
+  Matrix7d S = repetition(drones_[drone], k.stamp_ns) * noise;
   for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;

@@ -132,6 +132,8 @@ class DriftFilter {
   // Has the drone said all that is believed of it about this own keyframe?
   [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
   void count_used(Drone& drone, std::uint64_t own_keyframe);
+  // Of the share by which depths measured on a way are wrong otherwise than the way itself.
+  [[nodiscard]] static double unshared_scale_variance(const Node& from, const Node& to);
   // None if the ratio of the depths says nothing of both drones' odometry.
   [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
