@@ -292,6 +292,7 @@ void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
 
 double DriftFilter::unshared_scale_variance(const Node& from, const Node& to) {
   const Eigen::RowVector3d s = scale_gradient(from.p, to.p);
+  if (s.isZero()) return 0;
   const DriftStep step = drift_step(from.p, from.covariance, to.p, to.covariance);
   return kUnsharedScale * s * step.Q.topLeftCorner<3, 3>() * s.transpose();
 }

@@ -15,8 +15,6 @@
 namespace covey {
 namespace {
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 // A peer helps where it knows much better. Between equals each fusion only trades one drift for
 // another, and what peers had from each other comes back: this share of the own variance of y must
 // go, averaged over its four components.
