@@ -48,6 +48,8 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
            "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
   v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
            "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
+  v.number("aligned_scale", thermal.aligned_scale, {0, 1000},
+           "as tracker.aligned_scale, for thermal cameras");
 }
 
 void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
@@ -100,7 +102,11 @@ void visit_tone(ThermalConfig& thermal, ConfigVisitor& v) {
 void visit_tracker(TrackerConfig& tracker, ConfigVisitor& v) {
   v.count("max_tracks", tracker.max_tracks, {10, 5000}, "per image");
   v.number("pixel_sigma_px", tracker.pixel_sigma, {1e-3, 20},
-           "[px] standard deviation of a tracked corner");
+           "[px] standard deviation of a corner that was just found");
+  v.number("aligned_sigma_px", tracker.aligned_sigma, {1e-3, 20},
+           "[px] of one that is followed, beside what its alignment claims");
+  v.number("aligned_scale", tracker.aligned_scale, {0, 1000},
+           "by which errors are larger than an alignment claims");
   v.count("pyramid_levels", tracker.pyramid_levels, {1, 8}, "the image itself and its halves");
   v.count("predicted_levels", tracker.predicted_levels, {1, 8},
           "of them, tried first for a track whose motion is known");
@@ -249,7 +255,10 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("patch_max_shift_px", c.matching.patch.max_shift_px, {0.1, 100},
            "[px] from where it should be");
   v.number("patch_min_correlation", c.matching.patch.min_correlation, {0, 1}, "of what is found");
-  v.number("aligned_sigma_px", c.matching.aligned_sigma_px, {0.01, 100}, "[px] of what is found");
+  v.number("aligned_sigma_px", c.matching.aligned_sigma_px, {0.01, 100},
+           "[px] of what is found, beside what its alignment claims");
+  v.number("aligned_scale", c.matching.aligned_scale, {0, 100},
+           "by which errors are larger than an alignment claims");
   v.number("in_place_px", c.matching.in_place_px, {0.01, 100},
            "[px] to which those agree that are found where they are expected");
   v.number("in_place_share", c.matching.in_place_share, {0, 1},

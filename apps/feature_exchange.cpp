@@ -223,14 +223,18 @@ std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const Flo
   match.other_before = other.before;
   match.T_other_own = other.T_world_cam_true.inverse() * own.T_world_cam_true;
   // Both bearings are measured, and their corners are not the same.
-  match.bearing_sigma = std::sqrt(2 * config_.bearing_sigma * config_.bearing_sigma +
-                                  config_.corner_mismatch * config_.corner_mismatch);
+  const double variance = 2 * config_.bearing_sigma * config_.bearing_sigma +
+                          config_.corner_mismatch * config_.corner_mismatch;
   for (const auto& [mine, theirs] : pairs) {
-    match.matches.push_back(
-        {mine->track_id,
-         mine->bearing + mismatch(drone, mine->track_id, other.drone, theirs->track_id),
-         theirs->bearing, theirs->inverse_depth, theirs->inverse_depth_sigma});
-    add_own_depth(*mine, config_.limits.matching.max_relative_sigma, match.matches.back());
+    LandmarkMatch one;
+    one.track_id = mine->track_id;
+    one.bearing = mine->bearing + mismatch(drone, mine->track_id, other.drone, theirs->track_id);
+    one.other_bearing = theirs->bearing;
+    one.inverse_depth = theirs->inverse_depth;
+    one.inverse_depth_sigma = theirs->inverse_depth_sigma;
+    one.bearing_covariance = variance * Eigen::Matrix2d::Identity();
+    add_own_depth(*mine, config_.limits.matching.max_relative_sigma, one);
+    match.matches.push_back(one);
   }
   return match;
 }

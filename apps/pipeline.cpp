@@ -25,6 +25,12 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   return estimator;
 }
 
+TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& sensors) {
+  TrackerConfig tracker = config.tracker;
+  if (sensors.thermal) tracker.aligned_scale = config.thermal.aligned_scale;
+  return tracker;
+}
+
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
@@ -76,7 +82,7 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                    std::optional<GroundTruth> truth)
     : config_(config),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
-      tracker_(config.tracker, sensors.camera),
+      tracker_(tracker_config(config, sensors), sensors.camera),
       estimator_(estimator_config(config, sensors), thread_cpu_ms) {
   status_.agent = config.agent.name;
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {

@@ -343,7 +343,7 @@ SharedKeyframe Estimator::Impl::shared_keyframe(const State& trial, const Keyfra
   keyframe.other = match.other;
   keyframe.T_world_other = match.own.T_world_cam * match.T_other_own.inverse();
   for (const LandmarkMatch& pair : match.matches) {
-    std::optional<SharedLandmark> landmark = landmark_of(pair, match.bearing_sigma);
+    std::optional<SharedLandmark> landmark = landmark_of(pair);
     if (!landmark) {
       ++report.uninformative;
       continue;

@@ -156,6 +156,8 @@ struct LandmarkMatch {
   double inverse_depth_sigma = 0;                           // 1/m
   // 1/m, in the own keyframe as the own drone has measured it; 0: it has not.
   double own_inverse_depth = 0, own_inverse_depth_sigma = 0;
+  // To which `bearing` is the point that the other one means, normalised plane.
+  Eigen::Matrix2d bearing_covariance = Eigen::Matrix2d::Zero();
 };
 
 // An own keyframe and another one, of a peer or an older one of the own, that see the same points.
@@ -164,11 +166,9 @@ struct KeyframeMatch {
   KeyframePose own, own_before;                                   // as in PeerKeyframe
   KeyframePose other, other_before;                               // in that drone's world
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
-  double bearing_sigma = 0;  // to which two drones agree on a corner, normalised plane
-  std::vector<LandmarkMatch> matches;
+  std::vector<LandmarkMatch> matches;                             // corners that both track
   // The other's landmarks found in the own image by what they look like, whether they are tracked
   // (else track_id is 0) or not; none where there are no patches.
-  double aligned_sigma = 0;  // normalised plane
   std::vector<LandmarkMatch> aligned;
 };
 

@@ -140,16 +140,15 @@ PeerGate::PeerGate(double confidence)
       landmark_3dof(chi_square_quantile(confidence, 3)),
       keyframe_4dof(chi_square_quantile(confidence, 4)) {}
 
-std::optional<SharedLandmark> landmark_of(const LandmarkMatch& match, double bearing_sigma) {
+std::optional<SharedLandmark> landmark_of(const LandmarkMatch& match) {
   constexpr double kFarthest = 1e-4;  // 1/m
   if (!(match.inverse_depth > kFarthest)) return std::nullopt;
   SharedLandmark landmark;
   landmark.p_other = match.other_bearing.homogeneous() / match.inverse_depth;
   const Eigen::Vector3d by_depth =
       landmark.p_other / match.inverse_depth * match.inverse_depth_sigma;
-  const double by_bearing = bearing_sigma * landmark.p_other.norm();
-  landmark.covariance =
-      by_bearing * by_bearing * Eigen::Matrix3d::Identity() + by_depth * by_depth.transpose();
+  const double by_bearing = match.bearing_covariance.trace() / 2 * landmark.p_other.squaredNorm();
+  landmark.covariance = by_bearing * Eigen::Matrix3d::Identity() + by_depth * by_depth.transpose();
   return landmark;
 }
 

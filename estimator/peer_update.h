@@ -54,8 +54,7 @@ struct Sighting {
 };
 
 // A point of the peer's camera. Nothing when it is too far away to tell.
-[[nodiscard]] std::optional<SharedLandmark> landmark_of(const LandmarkMatch& match,
-                                                        double bearing_sigma);
+[[nodiscard]] std::optional<SharedLandmark> landmark_of(const LandmarkMatch& match);
 // Own rows of a SLAM feature.
 [[nodiscard]] LandmarkRows rows_of(const State& state, int landmark_index);
 

@@ -37,8 +37,7 @@ struct Row {
 
 // q = R^T (a - rho p), the landmark in the own camera times rho: points far away need no care. The
 // own inverse depth is rho / q_z times the ratio.
-Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const LandmarkMatch& match,
-              double sigma) {
+Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const LandmarkMatch& match) {
   Row row;
   const Eigen::Matrix3d Rt = T_other_own.linear().transpose();
   const Eigen::Vector3d& p = T_other_own.translation();
@@ -50,7 +49,7 @@ Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const Land
   Eigen::Matrix3d J_q = Eigen::Matrix3d::Zero();
   J_q.topRows<2>() << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
   J_q.topRows<2>() /= q.z();
-  Eigen::Vector3d variances = Eigen::Vector3d::Constant(sigma * sigma);
+  row.covariance.topLeftCorner<2, 2>() = match.bearing_covariance;
   Eigen::Vector3d J_rho = Eigen::Vector3d::Zero();  // but for what q changes with it
   row.r.head<2>() = match.bearing - q.hnormalized();
   if (match.own_inverse_depth > 0) {
@@ -59,28 +58,26 @@ Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const Land
     J_q(2, 2) = -expected / q.z();
     J_rho.z() = expected / rho;
     row.J(2, 6) = expected;
-    variances.z() = match.own_inverse_depth_sigma * match.own_inverse_depth_sigma;
+    row.covariance(2, 2) = match.own_inverse_depth_sigma * match.own_inverse_depth_sigma;
   }
   const Eigen::Matrix3d J_turned = J_q * Rt;
   row.J.leftCols<3>() = -rho * J_turned;
   row.J.middleCols<3>(3) = J_turned * skew(turned);
   const Eigen::Vector3d by_depth = (J_rho - J_turned * p) * match.inverse_depth_sigma;
-  row.covariance = by_depth * by_depth.transpose();
-  row.covariance.diagonal() += variances;
+  row.covariance += by_depth * by_depth.transpose();
   return row;
 }
 
 struct Sightings {
   const std::vector<LandmarkMatch>& landmarks;
-  double sigma;  // of the own bearings
-  double tail;   // chi-square beyond which a match's pull no longer grows with its distance
+  double tail;  // chi-square beyond which a match's pull no longer grows with its distance
 };
 
 Sightings best_of(const KeyframeMatch& match, int min_inliers) {
   if (match.aligned.size() >= static_cast<std::size_t>(min_inliers)) {
-    return {match.aligned, match.aligned_sigma, kFoundTail};
+    return {match.aligned, kFoundTail};
   }
-  return {match.matches, match.bearing_sigma, kCornerTail};
+  return {match.matches, kCornerTail};
 }
 
 struct Hypothesis {
@@ -100,8 +97,7 @@ Normal accumulate(const Sightings& sightings, const Hypothesis& hypothesis, doub
   normal.A(6, 6) = 1 / (kUnknownRatio * kUnknownRatio);
   normal.b(6) = -hypothesis.log_ratio * normal.A(6, 6);
   for (const LandmarkMatch& landmark : sightings.landmarks) {
-    const Row row =
-        linearize(hypothesis.T_other_own, hypothesis.log_ratio, landmark, sightings.sigma);
+    const Row row = linearize(hypothesis.T_other_own, hypothesis.log_ratio, landmark);
     if (!row.in_front) continue;
     const Eigen::Matrix3d W = row.covariance.inverse();
     const double distance = row.r.dot(W * row.r);

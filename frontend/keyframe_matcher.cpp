@@ -58,6 +58,8 @@ Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& oth
   return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
 }
 
+Eigen::Matrix2d squared(double sigma) { return sigma * sigma * Eigen::Matrix2d::Identity(); }
+
 NoMatchReason to_reason(VerificationFailure failure) {
   switch (failure) {
     case VerificationFailure::kTooFewCorrespondences:
@@ -166,7 +168,7 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const P
       (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
   std::vector<Correspondence> correspondences;
   for (const FoundLandmark& found : look_for(own.pose.keyframe_id, other, landmarks, T_other_own)) {
-    correspondences.push_back({points[found.landmark].p_world, found.bearing});
+    correspondences.push_back({points[found.landmark].p_world, found.patch.bearing});
   }
   VerificationConfig config = config_.verification;
   config.inlier_px = config_.in_place_px;
@@ -198,30 +200,31 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   // What a landmark is next to is as far away.
   std::map<std::size_t, const KeyframeFeature*> own_of;
   for (const IndexPair& pair : pairs) own_of[pair.peer] = &own.features[pair.own];
-  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing, std::size_t index) {
+  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing,
+                        const Eigen::Matrix2d& covariance, std::size_t index) {
     const PeerLandmark& landmark = landmarks[index];
-    LandmarkMatch one{track, bearing, landmark.bearing, landmark.inverse_depth,
-                      landmark.inverse_depth_sigma};
+    LandmarkMatch one;
+    one.track_id = track;
+    one.bearing = bearing;
+    one.other_bearing = landmark.bearing;
+    one.inverse_depth = landmark.inverse_depth;
+    one.inverse_depth_sigma = landmark.inverse_depth_sigma;
+    one.bearing_covariance = covariance;
     const auto mine = own_of.find(index);
     if (mine != own_of.end()) add_own_depth(*mine->second, config_.max_relative_sigma, one);
     return one;
   };
-  KeyframeMatch match{other.sender,
-                      own.pose,
-                      own.before,
-                      other.pose,
-                      other.before,
-                      T_other_own,
-                      config_.sigma_px / focal_length_px_,
-                      {},
-                      config_.aligned_sigma_px / focal_length_px_,
-                      {}};
+  KeyframeMatch match{other.sender, own.pose,    own.before, other.pose,
+                      other.before, T_other_own, {},         {}};
+  const Eigen::Matrix2d corner = squared(config_.sigma_px / focal_length_px_);
+  const Eigen::Matrix2d aligned = squared(config_.aligned_sigma_px / focal_length_px_);
   for (const IndexPair& pair : pairs) {
     const KeyframeFeature& feature = own.features[pair.own];
-    match.matches.push_back(seen(feature.track_id, feature.bearing, pair.peer));
+    match.matches.push_back(seen(feature.track_id, feature.bearing, corner, pair.peer));
   }
   for (const FoundLandmark& one : found) {
-    match.aligned.push_back(seen(0, one.bearing, one.landmark));
+    const Eigen::Matrix2d claimed = squared(config_.aligned_scale) * one.patch.covariance;
+    match.aligned.push_back(seen(0, one.patch.bearing, aligned + claimed, one.landmark));
   }
   return match;
 }
@@ -238,9 +241,9 @@ std::vector<KeyframeMatcher::FoundLandmark> KeyframeMatcher::look_for(
     if (landmark.patch == LandmarkPatch{}) continue;
     const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
                             other.patch_spacing};
-    const auto bearing =
+    const auto patch =
         find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
-    if (bearing) found.push_back({i, *bearing});
+    if (patch) found.push_back({i, *patch});
   }
   return found;
 }

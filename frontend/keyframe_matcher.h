@@ -38,7 +38,8 @@ struct KeyframeMatcherConfig {
   double sigma_px = 0.7;  // to which two drones agree on a corner; a fatter tail than Gaussian
   // By what they look like.
   PatchSearchConfig patch;
-  double aligned_sigma_px = 0.3;  // of what is found
+  double aligned_sigma_px = 0.1;  // of what is found, beside what its alignment claims
+  double aligned_scale = 3;       // by which errors are larger than that claims
   double in_place_px = 1.0;       // to which those agree that are found where they are expected,
   double in_place_share = 0.5;    // and this share of them
   std::size_t images = 20;        // of the newest keyframes, each 0.5 MB
@@ -96,10 +97,10 @@ class KeyframeMatcher {
                                                            const PeerKeyframe& other) const;
 
  private:
-  // A landmark of the other one, by index, and its bearing in the own image.
+  // A landmark of the other one, by index, and where it is in the own image.
   struct FoundLandmark {
     std::size_t landmark = 0;
-    Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
+    FoundPatch patch;
   };
   [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe,
                                                     const PeerKeyframe& other,

@@ -139,7 +139,16 @@ std::optional<Template> template_of(const LandmarkPatch& patch) {
 struct Fit {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   double correlation = 0;
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // px^2
 };
+
+// Of the place, px^2: two of the samples are spent on gain and offset, two on the place.
+Eigen::Matrix2d covariance_of(const Template& patch, const Eigen::Matrix2d& affine,
+                              double correlation) {
+  const double unlike = std::max(0.0, 1 - correlation * correlation);
+  const double rest = patch.grey.squaredNorm() * unlike / (kArea - 4);
+  return rest * affine * patch.inverse_hessian.cast<double>() * affine.transpose();
+}
 
 std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace grid,
                          double max_shift_px) {
@@ -153,12 +162,16 @@ std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace
     const float product = patch.grey.dot(grey);
     const float gain = product / patch.grey.squaredNorm();
     if (!(gain > 0)) return std::nullopt;
-    fit = {grid.pixel, product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm())};
+    fit.pixel = grid.pixel;
+    fit.correlation = product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm());
     const Eigen::Vector2f step = patch.inverse_hessian * (patch.gradient.transpose() * grey) / gain;
     const Eigen::Vector2d moved = grid.affine * step.cast<double>();
     grid.pixel -= moved;
     if (!((grid.pixel - start).norm() < max_shift_px)) return std::nullopt;
-    if (moved.norm() < kConverged_px) return fit;
+    if (moved.norm() < kConverged_px) {
+      fit.covariance = covariance_of(patch, grid.affine, fit.correlation);
+      return fit;
+    }
   }
   return std::nullopt;
 }
@@ -177,11 +190,11 @@ std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
   return encode(samples);
 }
 
-std::optional<Eigen::Vector2d> find_landmark_patch(const ImagePyramid& image,
-                                                   const CameraIntrinsics& camera,
-                                                   const SeenLandmark& seen,
-                                                   const Eigen::Isometry3d& T_other_own,
-                                                   const PatchSearchConfig& config) {
+std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
+                                              const CameraIntrinsics& camera,
+                                              const SeenLandmark& seen,
+                                              const Eigen::Isometry3d& T_other_own,
+                                              const PatchSearchConfig& config) {
   const Eigen::Matrix3d R = T_other_own.linear().transpose();
   const Eigen::Vector3d q =
       R * (seen.bearing.homogeneous() - seen.inverse_depth * T_other_own.translation());
@@ -207,7 +220,10 @@ std::optional<Eigen::Vector2d> find_landmark_patch(const ImagePyramid& image,
   const auto fit = align(*patch, image.levels[static_cast<std::size_t>(level)], grid,
                          config.max_shift_px / scale);
   if (!fit || fit->correlation < config.min_correlation) return std::nullopt;
-  return unproject(camera, fit->pixel * scale);
+  const std::optional<Eigen::Vector2d> bearing = unproject(camera, fit->pixel * scale);
+  if (!bearing) return std::nullopt;
+  const Eigen::Matrix2d to_bearing = scale * J_pixel.inverse();
+  return FoundPatch{*bearing, to_bearing * fit->covariance * to_bearing.transpose()};
 }
 
 }  // namespace covey

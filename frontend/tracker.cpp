@@ -26,6 +26,7 @@ struct Track {
   std::uint64_t id = 0;
   std::uint64_t patch_id = 0;
   PatchPlace place;
+  double sigma_px = 0;  // of the pixel
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();   // px/s, what rotation does not explain
   int length = 1;                                       // images
@@ -151,6 +152,7 @@ struct Tracker::Impl {
     const auto bearing = unproject(camera, found->place.pixel);
     if (!bearing) return false;
     track.place = found->place;
+    track.sigma_px = std::hypot(config.aligned_sigma, config.aligned_scale * found->sigma_px);
     track.bearing = *bearing;
     track.velocity =
         dt > 0 ? Eigen::Vector2d((track.place.pixel - turned.pixel) / dt) : Eigen::Vector2d::Zero();
@@ -267,6 +269,7 @@ struct Tracker::Impl {
       track.id = next_id++;
       track.patch_id = next_patch_id++;
       track.place.pixel = pixel;
+      track.sigma_px = config.pixel_sigma;
       track.bearing = *bearing;
       track.velocity = neighbour_velocity(pixel, known);
       tracks.push_back(std::move(track));
@@ -279,7 +282,7 @@ struct Tracker::Impl {
     feature.track_id = track.id;
     feature.pixel = track.place.pixel;
     feature.bearing = track.bearing;
-    feature.sigma = config.pixel_sigma / pixels_per_bearing(camera, track.bearing);
+    feature.sigma = track.sigma_px / pixels_per_bearing(camera, track.bearing);
     feature.length = track.length;
     return feature;
   }

@@ -26,7 +26,12 @@ namespace covey {
 
 struct TrackerConfig {
   int max_tracks = 200;
-  double pixel_sigma = 0.3;  // standard deviation of a tracked corner, px
+  // Standard deviation of a corner, px: one that was just found; one that is followed, beside what
+  // its alignment claims; and by how much errors are larger than that. They last from one image to
+  // the next, which the filter takes for noise that does not.
+  double pixel_sigma = 0.3;
+  double aligned_sigma = 0.05;
+  double aligned_scale = 6;
 
   int pyramid_levels = 4;    // the image itself and its halves
   int predicted_levels = 2;  // of them, tried first for a track whose motion is known
@@ -45,7 +50,7 @@ struct TrackedFeature {
   std::uint64_t track_id = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  double sigma = 0;  // of the bearing: pixel_sigma through the camera model
+  double sigma = 0;  // of the bearing: that of the pixel through the camera model
   int length = 1;    // images it has been seen in
   BinaryDescriptor descriptor{};
   bool described = false;

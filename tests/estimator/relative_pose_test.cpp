@@ -30,7 +30,6 @@ KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1,
   Random random(seed, 0x3e1a), random_of_own(seed, 0x0d37);
   KeyframeMatch match;
   match.drone = "uav1";
-  match.bearing_sigma = kSigma;
   match.T_other_own = true_pose();
   match.T_other_own.translation() += Eigen::Vector3d(0.2, -0.1, 0.3);
   match.T_other_own.linear() = exp_so3({0.02, 0.03, -0.01}) * true_pose().linear();
@@ -44,6 +43,7 @@ KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1,
                        noise * kSigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
     landmark.inverse_depth = (1 + noise * kDepthShare * random.gaussian()) / depth;
     landmark.inverse_depth_sigma = kDepthShare / depth;
+    landmark.bearing_covariance = kSigma * kSigma * Eigen::Matrix2d::Identity();
     if (log_ratio) {
       landmark.own_inverse_depth =
           std::exp(*log_ratio) / p_own.z() * (1 + noise * kDepthShare * random_of_own.gaussian());
@@ -118,7 +118,6 @@ TEST(RelativePose, AFewThatWereFoundBadlyCostLittle) {
       one.bearing += share * kSigma * Eigen::Vector2d(random.gaussian(), random.gaussian());
     }
     match.aligned = match.matches;
-    match.aligned_sigma = kSigma;
     const auto found = estimate_relative_pose(match, 8);
     match.aligned.clear();
     const auto corners = estimate_relative_pose(match, 8);
@@ -129,6 +128,36 @@ TEST(RelativePose, AFewThatWereFoundBadlyCostLittle) {
   }
   EXPECT_LT(with_tail, 0.7 * without);
   EXPECT_LT(nees / kRuns, 6.0);
+}
+
+// Each is known well along one direction and badly along the other.
+TEST(RelativePose, WhatIsFoundWellCountsMore) {
+  double told = 0, untold = 0, nees = 0;
+  constexpr int kRuns = 100;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    Random random(seed, 0x5ca1);
+    KeyframeMatch match = make_match(seed, 60, 0);
+    for (LandmarkMatch& one : match.matches) {
+      const Eigen::Rotation2Dd R(random.uniform(0, 3.14));
+      const Eigen::Matrix2d root =
+          kSigma * R.toRotationMatrix() * Eigen::Vector2d(0.3, 3).asDiagonal();
+      one.bearing += root * Eigen::Vector2d(random.gaussian(), random.gaussian());
+      one.bearing_covariance = root * root.transpose();
+      one.inverse_depth_sigma *= 0.01;  // as exact as they are here
+    }
+    const auto pose = estimate_relative_pose(match, 8);
+    for (LandmarkMatch& one : match.matches) {
+      one.bearing_covariance =
+          one.bearing_covariance.trace() / 2 * Eigen::Matrix2d::Identity().eval();
+    }
+    const auto alike = estimate_relative_pose(match, 8);
+    ASSERT_TRUE(pose && alike);
+    told += error_of(*pose).squaredNorm();
+    untold += error_of(*alike).squaredNorm();
+    nees += error_of(*pose).dot(pose->covariance.llt().solve(error_of(*pose)));
+  }
+  EXPECT_LT(told, 0.5 * untold);
+  EXPECT_LT(nees / kRuns, 6.6);
 }
 
 TEST(RelativePose, WrongMatchesPullLittle) {
@@ -143,7 +172,6 @@ TEST(RelativePose, WrongMatchesPullLittle) {
 TEST(RelativePose, WhatWasFoundInTheImageCountsMoreThanTheCorners) {
   KeyframeMatch match = make_match(6, 30);
   match.aligned = match.matches;
-  match.aligned_sigma = kSigma;
   for (LandmarkMatch& corner : match.matches) corner.bearing.x() += 0.02;
   const auto pose = estimate_relative_pose(match, 8);
   ASSERT_TRUE(pose);

@@ -135,15 +135,21 @@ inline KeyframeMatch match_keyframes(const TeamMember& own, const TeamMember& pe
     match.drone = peer.drone().name;
     match.own = mine.pose;
     match.other = theirs.pose;
-    match.bearing_sigma = flight.matching_sigma_px / FeatureCamera{}.focal_px;
+    const double sigma = flight.matching_sigma_px / FeatureCamera{}.focal_px;
     for (const auto& [index, theirs_seen] : theirs.seen) {
       const auto found = mine.seen.find(index);
       if (found == mine.seen.end() || !(theirs_seen.inverse_depth > 0) ||
           theirs_seen.inverse_depth_sigma > kMaxRelativeSigma * theirs_seen.inverse_depth) {
         continue;
       }
-      match.matches.push_back({found->second.track_id, found->second.bearing, theirs_seen.bearing,
-                               theirs_seen.inverse_depth, theirs_seen.inverse_depth_sigma});
+      LandmarkMatch one;
+      one.track_id = found->second.track_id;
+      one.bearing = found->second.bearing;
+      one.other_bearing = theirs_seen.bearing;
+      one.inverse_depth = theirs_seen.inverse_depth;
+      one.inverse_depth_sigma = theirs_seen.inverse_depth_sigma;
+      one.bearing_covariance = sigma * sigma * Eigen::Matrix2d::Identity();
+      match.matches.push_back(one);
     }
     if (match.matches.size() > best.matches.size()) best = match;
   }

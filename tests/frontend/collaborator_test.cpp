@@ -193,7 +193,9 @@ TEST(Collaborator, MatchSaysHowTheCamerasStandToEachOther) {
   const Eigen::Isometry3d truth = team.looked_at.inverse() * level_camera({0.5, 1.5, 0.3}, 0.1);
   EXPECT_LT((match.T_other_own.translation() - truth.translation()).norm(), 0.05);
   EXPECT_LT((match.T_other_own.linear() - truth.linear()).norm(), 0.01);
-  EXPECT_NEAR(match.bearing_sigma, KeyframeMatcherConfig().sigma_px / kFocal, 1e-12);
+  const double sigma = KeyframeMatcherConfig().sigma_px / kFocal;
+  EXPECT_TRUE(match.matches.front().bearing_covariance.isApprox(sigma * sigma *
+                                                                Eigen::Matrix2d::Identity()));
   EXPECT_TRUE(match.other.T_world_cam.isApprox(team.looked_at));
   EXPECT_EQ(match.other.covariance, pose_covariance());
 }

@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <cmath>
 #include <cstdint>
+
+#include "sim/random.h"
 
 namespace covey {
 namespace {
@@ -39,8 +42,15 @@ double wall(double x, double y) {
          b * ((1 - a) * lattice(i, k + 1) + a * lattice(i + 1, k + 1));
 }
 
-// The wall z = kDepth of the other camera, seen from the own one.
-ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, double gain = 1, double offset = 0) {
+// How the wall z = kDepth of the other camera looks from the own one.
+struct Look {
+  double gain = 1, offset = 0;
+  double stretch = 1;  // of the texture, upwards
+  double noise = 0;    // grey levels
+};
+
+ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, const Look& look = {}) {
+  Random random(3, 0x9a7c);
   const CameraIntrinsics cam = camera();
   cv::Mat image(cam.height, cam.width, CV_8UC1);
   for (int v = 0; v < cam.height; ++v) {
@@ -51,7 +61,8 @@ ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, double gain = 1, dou
         const Eigen::Vector3d ray = T_other_own.linear() * bearing->homogeneous();
         const double along = (kDepth - T_other_own.translation().z()) / ray.z();
         const Eigen::Vector3d p = T_other_own.translation() + along * ray;
-        grey = gain * wall(p.x(), p.y()) + offset;
+        grey = look.gain * wall(p.x(), p.y() / look.stretch) + look.offset;
+        if (look.noise > 0) grey += look.noise * random.gaussian();
       }
       image.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(grey);
     }
@@ -89,7 +100,7 @@ Search search(const ImagePyramid& own, const Eigen::Vector3d& error) {
       ++result.found;
       const Eigen::Vector3d p_own = own_pose().inverse() * (kDepth * bearing.homogeneous()).eval();
       const Eigen::Vector2d truth = project(camera(), p_own.hnormalized());
-      result.near += (project(camera(), *found) - truth).norm() < 0.2 ? 1 : 0;
+      result.near += (project(camera(), found->bearing) - truth).norm() < 0.2 ? 1 : 0;
     }
   }
   return result;
@@ -103,9 +114,39 @@ TEST(LandmarkPatch, IsFoundToAFifthOfAPixelFromAnotherPlace) {
 }
 
 TEST(LandmarkPatch, BrightnessDoesNotMatter) {
-  const Search result = search(see_wall(own_pose(), 0.6, 50), {0, 0, 0});
+  const Search result = search(see_wall(own_pose(), {0.6, 50}), {0, 0, 0});
   EXPECT_GE(result.found, result.tried * 2 / 3);
   EXPECT_GE(result.near, result.found * 8 / 10);
+}
+
+// The texture changes slowly upwards: there a patch is found less well, and says so.
+TEST(LandmarkPatch, SaysHowWellItIsFound) {
+  const Look look{0.4, 0, 3, 2};
+  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity(), look);
+  const ImagePyramid own = see_wall(own_pose(), look);
+  Eigen::Vector2d squared = Eigen::Vector2d::Zero(), claimed = Eigen::Vector2d::Zero();
+  double nees = 0;
+  int found = 0;
+  for (double x = -0.3; x <= 0.3; x += 0.05) {
+    for (double y = -0.2; y <= 0.2; y += 0.05) {
+      const auto patch = cut_landmark_patch(other.levels[0], camera(), {x, y}, kSpacing);
+      if (!patch) continue;
+      const auto one = find_landmark_patch(own, camera(), {{x, y}, 1 / kDepth, &*patch, kSpacing},
+                                           own_pose(), {});
+      if (!one) continue;
+      const Eigen::Vector3d p(kDepth * x, kDepth * y, kDepth);
+      const Eigen::Vector2d error = one->bearing - (own_pose().inverse() * p).hnormalized();
+      squared += error.cwiseAbs2();
+      claimed += one->covariance.diagonal();
+      nees += error.dot(one->covariance.inverse() * error);
+      ++found;
+    }
+  }
+  ASSERT_GE(found, 30);
+  EXPECT_GT(squared.y(), 2 * squared.x());
+  EXPECT_GT(claimed.y(), 2 * claimed.x());
+  EXPECT_GT(nees / found, 1.0);
+  EXPECT_LT(nees / found, 2 * 9.0) << "errors of more than three times what is claimed";
 }
 
 TEST(LandmarkPatch, AnotherWallIsNotTakenForIt) {

@@ -81,6 +81,36 @@ TEST(PatchAlignment, FindsAShiftToAFewHundredthsOfAPixel) {
   }
 }
 
+struct Scatter {
+  double error_px = 0, claimed_px = 0;  // root mean squares
+};
+
+Scatter scatter_with(double noise) {  // grey levels
+  const Eigen::Vector2d shift(2, -1);
+  const cv::Mat clean = warped(Eigen::Matrix2d::Identity(), shift);
+  cv::RNG random(11);
+  Scatter scatter;
+  constexpr int kRuns = 200;
+  for (int i = 0; i < kRuns; ++i) {
+    cv::Mat noisy(clean.size(), CV_32F);
+    random.fill(noisy, cv::RNG::NORMAL, 0, noise);
+    cv::add(clean, noisy, noisy, cv::noArray(), CV_8U);
+    const auto fit = found_again(noisy, at(kCentre));
+    if (!fit) continue;
+    scatter.error_px += (fit->place.pixel - kCentre - shift).squaredNorm() / (2 * kRuns);
+    scatter.claimed_px += fit->sigma_px * fit->sigma_px / kRuns;
+  }
+  return {std::sqrt(scatter.error_px), std::sqrt(scatter.claimed_px)};
+}
+
+TEST(PatchAlignment, SaysHowWellThePatchIsFound) {
+  const Scatter little = scatter_with(3), much = scatter_with(9);
+  EXPECT_NEAR(much.error_px / little.error_px, 3, 0.5);
+  EXPECT_NEAR(much.claimed_px / little.claimed_px, 3, 0.2);
+  EXPECT_GT(much.error_px / much.claimed_px, 1.0);
+  EXPECT_LT(much.error_px / much.claimed_px, 2.0);
+}
+
 TEST(PatchAlignment, FollowsAnAffineMapItIsToldNearly) {
   Eigen::Matrix2d map;
   map << 1.2, -0.35, 0.3, 1.15;

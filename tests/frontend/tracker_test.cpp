@@ -351,6 +351,24 @@ TEST(Tracker, SigmaOfABearingIsThePixelSigmaThroughTheLens) {
   }
 }
 
+TEST(Tracker, SigmaOfWhatIsFollowedIsWhatItsAlignmentClaims) {
+  Flight flight;
+  flight.step(CameraPose());
+  const TrackedFrame frame = flight.step(CameraPose());
+  const TrackerConfig config = small_config();
+  int followed = 0;
+  for (const TrackedFeature& feature : frame.features) {
+    if (feature.length < 2) continue;
+    Eigen::Matrix2d J;
+    EXPECT_LT((project(small_camera(), feature.bearing, &J) - feature.pixel).norm(), 1e-6);
+    const double sigma_px = feature.sigma * std::sqrt(std::abs(J.determinant()));
+    EXPECT_GE(sigma_px, config.aligned_sigma * (1 - 1e-9));
+    EXPECT_LT(sigma_px, config.pixel_sigma) << "the image has not changed";
+    ++followed;
+  }
+  EXPECT_GT(followed, 10);
+}
+
 int hamming(const BinaryDescriptor& a, const BinaryDescriptor& b) {
   int bits = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
