@@ -40,7 +40,7 @@ struct PatchFit {
   double correlation = 0;  // zero-mean normalised, -1..1
   // Standard deviation of `place.pixel`, px, mean of both directions: what is left of the
   // brightness, taken for noise of one pixel and the next, over the texture, as if the map were
-  // known. White noise makes errors of 1.6 times that at whole pixels, 2.2 times between them.
+  // known. White noise makes errors of 1.5 times that at whole pixels, 2.2 times between them.
   double sigma_px = 0;
 };
 

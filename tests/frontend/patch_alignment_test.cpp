@@ -92,10 +92,10 @@ Scatter scatter_with(double noise) {  // grey levels
   Scatter scatter;
   constexpr int kRuns = 200;
   for (int i = 0; i < kRuns; ++i) {
-    cv::Mat noisy(clean.size(), CV_32F);
-    random.fill(noisy, cv::RNG::NORMAL, 0, noise);
-    cv::add(clean, noisy, noisy, cv::noArray(), CV_8U);
-    const auto fit = found_again(noisy, at(kCentre));
+    cv::Mat grain(clean.size(), CV_32F), noisy;
+    random.fill(grain, cv::RNG::NORMAL, 0.0, noise);
+    cv::add(clean, grain, noisy, cv::noArray(), CV_8U);
+    const auto fit = found_again(noisy, at(kCentre + shift));
     if (!fit) continue;
     scatter.error_px += (fit->place.pixel - kCentre - shift).squaredNorm() / (2 * kRuns);
     scatter.claimed_px += fit->sigma_px * fit->sigma_px / kRuns;
@@ -104,9 +104,9 @@ Scatter scatter_with(double noise) {  // grey levels
 }
 
 TEST(PatchAlignment, SaysHowWellThePatchIsFound) {
-  const Scatter little = scatter_with(3), much = scatter_with(9);
+  const Scatter little = scatter_with(2), much = scatter_with(6);
   EXPECT_NEAR(much.error_px / little.error_px, 3, 0.5);
-  EXPECT_NEAR(much.claimed_px / little.claimed_px, 3, 0.2);
+  EXPECT_NEAR(much.claimed_px / little.claimed_px, 3, 0.5);
   EXPECT_GT(much.error_px / much.claimed_px, 1.0);
   EXPECT_LT(much.error_px / much.claimed_px, 2.0);
 }
