@@ -58,7 +58,7 @@ Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& oth
   return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
 }
 
-Eigen::Matrix2d squared(double sigma) { return sigma * sigma * Eigen::Matrix2d::Identity(); }
+Eigen::Matrix2d alike_in_both(double sigma) { return sigma * sigma * Eigen::Matrix2d::Identity(); }
 
 NoMatchReason to_reason(VerificationFailure failure) {
   switch (failure) {
@@ -216,14 +216,15 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   };
   KeyframeMatch match{other.sender, own.pose,    own.before, other.pose,
                       other.before, T_other_own, {},         {}};
-  const Eigen::Matrix2d corner = squared(config_.sigma_px / focal_length_px_);
-  const Eigen::Matrix2d aligned = squared(config_.aligned_sigma_px / focal_length_px_);
+  const Eigen::Matrix2d corner = alike_in_both(config_.sigma_px / focal_length_px_);
+  const Eigen::Matrix2d aligned = alike_in_both(config_.aligned_sigma_px / focal_length_px_);
   for (const IndexPair& pair : pairs) {
     const KeyframeFeature& feature = own.features[pair.own];
     match.matches.push_back(seen(feature.track_id, feature.bearing, corner, pair.peer));
   }
+  const double scale = config_.aligned_scale;
   for (const FoundLandmark& one : found) {
-    const Eigen::Matrix2d claimed = squared(config_.aligned_scale) * one.patch.covariance;
+    const Eigen::Matrix2d claimed = scale * scale * one.patch.covariance;
     match.aligned.push_back(seen(0, one.patch.bearing, aligned + claimed, one.landmark));
   }
   return match;

@@ -153,7 +153,6 @@ Eigen::Matrix2d covariance_of(const Template& patch, const Eigen::Matrix2d& affi
 std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace grid,
                          double max_shift_px) {
   const Eigen::Vector2d start = grid.pixel;
-  Fit fit;
   for (int i = 0; i < kMaxIterations; ++i) {
     if (!inside(image, grid, 0.5 * kInner)) return std::nullopt;
     const Eigen::Matrix<float, kInner, kInner> square = sample<kInner>(image, grid).transpose();
@@ -162,15 +161,14 @@ std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace
     const float product = patch.grey.dot(grey);
     const float gain = product / patch.grey.squaredNorm();
     if (!(gain > 0)) return std::nullopt;
-    fit.pixel = grid.pixel;
-    fit.correlation = product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm());
+    const double correlation = product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm());
+    const Eigen::Vector2d pixel = grid.pixel;
     const Eigen::Vector2f step = patch.inverse_hessian * (patch.gradient.transpose() * grey) / gain;
     const Eigen::Vector2d moved = grid.affine * step.cast<double>();
     grid.pixel -= moved;
     if (!((grid.pixel - start).norm() < max_shift_px)) return std::nullopt;
     if (moved.norm() < kConverged_px) {
-      fit.covariance = covariance_of(patch, grid.affine, fit.correlation);
-      return fit;
+      return Fit{pixel, correlation, covariance_of(patch, grid.affine, correlation)};
     }
   }
   return std::nullopt;

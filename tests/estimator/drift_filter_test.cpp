@@ -144,12 +144,13 @@ RelativePose compared(const Walk& own, std::size_t i, const Walk& other, std::si
   return pose;
 }
 
+// From afar a relative pose says little of what the scale of the depths has done to it.
 TEST(DriftFilter, ComparedDepthsTellWhoseOdometryIsWrong) {
   double without = 0, with = 0, nees = 0;
   constexpr int kRuns = 60, kComparisons = 18;
   int used = 0;
   for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
-    const Walk own = walk(2 * seed, 60, {0, 0, 0}), other = walk(2 * seed + 1, 60, {-3, 0, 0});
+    const Walk own = walk(2 * seed, 60, {0, 0, 0}), other = walk(2 * seed + 1, 60, {-10, 0, 0});
     DriftFilter plain({}, "uav0"), comparing({}, "uav0");
     for (std::size_t i = 6; i < 60; ++i) {
       plain.add_own(own.keyframes[i]);
@@ -170,7 +171,7 @@ TEST(DriftFilter, ComparedDepthsTellWhoseOdometryIsWrong) {
     EXPECT_GT(least_eigenvalue(comparing), 0);
   }
   EXPECT_GT(used, 0.99 * kRuns * kComparisons) << "one in a thousand is gated by chance";
-  EXPECT_LT(with, 0.99 * without);
+  EXPECT_LT(with, 0.9 * without);
   EXPECT_NEAR(nees / kRuns, 3.0, 1.0);
 }
 

@@ -61,6 +61,11 @@ Eigen::Matrix<double, 6, 1> error_of(const RelativePose& pose) {
   return error;
 }
 
+// Six degrees of freedom.
+double nees_of(const RelativePose& pose) {
+  return error_of(pose).dot(pose.covariance.llt().solve(error_of(pose)));
+}
+
 TEST(RelativePose, WithoutNoiseItIsExact) {
   const auto pose = estimate_relative_pose(make_match(1, 12, 0), 8);
   ASSERT_TRUE(pose);
@@ -75,7 +80,7 @@ TEST(RelativePose, ErrorsAreAsLargeAsTheCovarianceSays) {
   for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
     const auto pose = estimate_relative_pose(make_match(seed, 30), 8);
     ASSERT_TRUE(pose);
-    nees += error_of(*pose).dot(pose->covariance.llt().solve(error_of(*pose)));
+    nees += nees_of(*pose);
   }
   EXPECT_NEAR(nees / kRuns, 6.0, 1.0);
 }
@@ -124,7 +129,7 @@ TEST(RelativePose, AFewThatWereFoundBadlyCostLittle) {
     ASSERT_TRUE(found && corners);
     with_tail += error_of(*found).head<3>().squaredNorm();
     without += error_of(*corners).head<3>().squaredNorm();
-    nees += error_of(*found).dot(found->covariance.llt().solve(error_of(*found)));
+    nees += nees_of(*found);
   }
   EXPECT_LT(with_tail, 0.7 * without);
   EXPECT_LT(nees / kRuns, 6.0);
@@ -154,7 +159,7 @@ TEST(RelativePose, WhatIsFoundWellCountsMore) {
     ASSERT_TRUE(pose && alike);
     told += error_of(*pose).squaredNorm();
     untold += error_of(*alike).squaredNorm();
-    nees += error_of(*pose).dot(pose->covariance.llt().solve(error_of(*pose)));
+    nees += nees_of(*pose);
   }
   EXPECT_LT(told, 0.5 * untold);
   EXPECT_LT(nees / kRuns, 6.6);
