@@ -8,6 +8,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "estimator/observation_model.h"
 #include "estimator/so3.h"
 #include "estimator/triangulation.h"
 
@@ -113,8 +114,9 @@ std::optional<CentralFilter::Rows> CentralFilter::rows_of(const Drone& drone, co
   const auto now = observe_point(landmark.p_world, clone.pose, drone.extrinsics);
   const auto first = observe_point(landmark.first, clone.first, drone.extrinsics);
   if (!now.in_front || !first.in_front) return std::nullopt;
-  return Rows{clone.offset, landmark.offset, first.J_pose / bearing.sigma,
-              first.J_point / bearing.sigma, (bearing.bearing - now.bearing) / bearing.sigma};
+  const Eigen::Matrix2d& W = bearing.whitening;
+  return Rows{clone.offset, landmark.offset, W * first.J_pose, W * first.J_point,
+              W * (bearing.bearing - now.bearing)};
 }
 
 // Bearings of landmarks that are in the state count now, others wait at their clone.
@@ -125,7 +127,7 @@ void CentralFilter::update_known(const std::vector<Image>& images) {
     const CameraMeasurement& camera = images[i].camera;
     for (std::size_t k = 0; k < camera.tracks.size(); ++k) {
       const std::size_t id = images[i].landmarks[k];
-      const Bearing bearing{camera.tracks[k].bearing, camera.tracks[k].sigma};
+      const Bearing bearing{camera.tracks[k].bearing, whitening(camera.tracks[k].covariance)};
       const auto known = index_of_.find(id);
       if (known == index_of_.end()) {
         newest.seen[id] = bearing;
@@ -186,7 +188,7 @@ std::optional<CentralFilter::Landmark> CentralFilter::locate(
   TimeNs seen_ns = 0;
   for (const Sight& sight : sights) {
     views.push_back({camera_pose(sight.clone->pose, sight.drone->extrinsics), sight.bearing.bearing,
-                     sight.bearing.sigma});
+                     sight.bearing.whitening});
     seen_ns = std::max(seen_ns, sight.clone->stamp_ns);
   }
   const auto point = triangulate(views, {config_.estimator.min_depth, config_.estimator.max_depth});

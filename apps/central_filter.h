@@ -55,7 +55,7 @@ class CentralFilter {
  private:
   struct Bearing {
     Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-    double sigma = 0;
+    Eigen::Matrix2d whitening = Eigen::Matrix2d::Identity();
   };
   struct Clone {
     TimeNs stamp_ns = 0;

@@ -281,7 +281,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   store.begin_image();
   for (const TrackObservation& track : tracks) {
     if (state->find_landmark(track.track_id) >= 0) continue;
-    store.add(track.track_id, {clone_id, track.bearing, track.sigma});
+    store.add(track.track_id, {clone_id, track.bearing, whitening(track.covariance)});
   }
   if (!seeing) {
     const double start_ms = now_ms();

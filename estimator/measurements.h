@@ -38,8 +38,8 @@ struct ImuSample {
 // One landmark seen in one image, on the normalised (z = 1), undistorted image plane.
 struct TrackObservation {
   std::uint64_t track_id = 0;  // unique per drone, never used again after the track ended
-  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // (x/z, y/z) in cam
-  double sigma = 1e-3;  // standard deviation of either component, same unit as `bearing`
+  Eigen::Vector2d bearing = Eigen::Vector2d::Zero();                // (x/z, y/z) in cam
+  Eigen::Matrix2d covariance = 1e-6 * Eigen::Matrix2d::Identity();  // of `bearing`
 };
 
 // What is left of an image once the front-end is done with it.

@@ -84,6 +84,16 @@ InverseDepthOfPoint inverse_depth_of_point(const Eigen::Vector3d& p_world, const
   return result;
 }
 
+// The inverse of Cholesky's factor.
+Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance) {
+  const double l00 = std::sqrt(covariance(0, 0));
+  const double l10 = covariance(1, 0) / l00;
+  const double l11 = std::sqrt(covariance(1, 1) - l10 * l10);
+  Eigen::Matrix2d W;
+  W << 1 / l00, 0, -l10 / (l00 * l11), 1 / l11;
+  return W;
+}
+
 CameraPose camera_pose(const Pose& pose, const CameraExtrinsics& extrinsics) {
   const Eigen::Matrix3d R_world_imu = pose.q_world_imu.toRotationMatrix();
   return {R_world_imu * extrinsics.q_imu_cam.toRotationMatrix(),

@@ -51,6 +51,9 @@ struct InverseDepthOfPoint {
                                                          const Pose& pose,
                                                          const CameraExtrinsics& extrinsics);
 
+// W such that W n has covariance 1 for n of the given one, which must be positive definite.
+[[nodiscard]] Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance);
+
 // Camera pose of an IMU pose.
 struct CameraPose {
   Eigen::Matrix3d R_world_cam;

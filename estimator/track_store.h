@@ -15,7 +15,7 @@ namespace covey {
 struct CloneObservation {
   std::uint64_t clone_id = 0;
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  double sigma = 1e-3;
+  Eigen::Matrix2d whitening = 1e3 * Eigen::Matrix2d::Identity();  // see whitening()
 };
 
 struct Track {

@@ -37,7 +37,7 @@ struct NormalEquations {
   bool in_front = true;
 };
 
-// Residuals of h = R (alpha, beta, 1) + rho t, all in units of sigma.
+// Residuals of h = R (alpha, beta, 1) + rho t, whitened.
 NormalEquations linearize(const std::vector<View>& views, const Eigen::Vector3d& inverse_depth) {
   const CameraPose& first = views.front().camera;
   NormalEquations sum;
@@ -54,11 +54,11 @@ NormalEquations linearize(const std::vector<View>& views, const Eigen::Vector3d&
     const Eigen::Vector2d predicted = h.head<2>() / h.z();
     Matrix23d J_h;
     J_h << 1, 0, -predicted.x(), 0, 1, -predicted.y();
-    J_h /= h.z() * view.sigma;
+    J_h = view.whitening * J_h / h.z();
     Eigen::Matrix3d J_parameters;
     J_parameters << R.col(0), R.col(1), t;
     const Matrix23d J = J_h * J_parameters;
-    const Eigen::Vector2d residual = (view.bearing - predicted) / view.sigma;
+    const Eigen::Vector2d residual = view.whitening * (view.bearing - predicted);
     sum.A += J.transpose() * J;
     sum.b += J.transpose() * residual;
     sum.cost += residual.squaredNorm();

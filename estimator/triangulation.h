@@ -14,7 +14,7 @@ namespace covey {
 struct View {
   CameraPose camera;
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  double sigma = 1e-3;  // of either component of `bearing`
+  Eigen::Matrix2d whitening = 1e3 * Eigen::Matrix2d::Identity();  // see whitening()
 };
 
 struct Triangulation {
@@ -22,7 +22,7 @@ struct Triangulation {
   // Standard deviation of the inverse depth in the first view over its value, from bearing noise
   // alone.
   double relative_depth_error = 0;
-  double mean_squared_residual = 0;  // per residual component, in units of sigma^2
+  double mean_squared_residual = 0;  // per whitened residual component
 };
 
 struct DepthLimits {

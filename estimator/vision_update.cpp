@@ -54,7 +54,7 @@ void append(SlamRows& rows, const Eigen::Ref<const Eigen::MatrixXd>& J, int offs
 }
 
 SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
-                   const Eigen::Vector2d& bearing, double sigma) {
+                   const Eigen::Vector2d& bearing, const Eigen::Matrix2d& W) {
   SlamRows rows;
   const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(landmark_index)];
   const int anchor_index = state.find_clone(landmark.anchor_id);
@@ -69,15 +69,14 @@ SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
   const PointObservation first = observe_point(point.p_world, clone.first, extrinsics);
   if (!now.in_front || !first.in_front) return rows;
 
-  rows.r = (bearing - now.bearing) / sigma;
-  const Matrix23d J_point = first.J_point / sigma;
+  rows.r = W * (bearing - now.bearing);
+  const Matrix23d J_point = W * first.J_point;
   if (state.extrinsics_offset() >= 0) {
-    append(rows, first.J_extrinsics / sigma + J_point * point.J_extrinsics,
-           state.extrinsics_offset());
+    append(rows, W * first.J_extrinsics + J_point * point.J_extrinsics, state.extrinsics_offset());
   }
   if (anchor_index != clone_index) {
     append(rows, J_point * point.J_anchor, state.clone_offset(anchor_index));
-    append(rows, first.J_pose / sigma, state.clone_offset(clone_index));
+    append(rows, W * first.J_pose, state.clone_offset(clone_index));
   }
   append(rows, J_point * point.J_inverse_depth, state.landmark_offset(landmark_index));
   rows.valid = true;
@@ -107,8 +106,9 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
   for (const TrackObservation& observation : observations) {
     const int landmark = state.find_landmark(observation.track_id);
     if (landmark < 0) continue;
-    const SlamRows rows = slam_rows(state, landmark, clone_index, observation.bearing,
-                                    observation.sigma * config_.observation_noise_scale);
+    const SlamRows rows =
+        slam_rows(state, landmark, clone_index, observation.bearing,
+                  whitening(observation.covariance) / config_.observation_noise_scale);
     bool gated = true;
     if (rows.valid) {
       slam_update_.add(state, rows.H.leftCols(rows.width), rows.r, rows.columns);
@@ -134,7 +134,7 @@ bool VisionUpdate::linearize(const State& state, const Track& track, Linearized&
   for (const CloneObservation& o : track.observations) {
     const Clone& clone = state.clones()[static_cast<std::size_t>(state.find_clone(o.clone_id))];
     views_.push_back({camera_pose(clone.pose, extrinsics), o.bearing,
-                      o.sigma * config_.observation_noise_scale});
+                      o.whitening / config_.observation_noise_scale});
   }
   const auto point = triangulate(views_, {config_.min_depth, config_.max_depth});
   if (!point || point->relative_depth_error > kMaxBearingDepthError) return false;
@@ -160,19 +160,19 @@ bool VisionUpdate::linearize_at(const State& state, const Track& track,
   for (const CloneObservation& o : track.observations) {
     const int index = state.find_clone(o.clone_id);
     const Clone& clone = state.clones()[static_cast<std::size_t>(index)];
-    const double sigma = o.sigma * config_.observation_noise_scale;
+    const Eigen::Matrix2d W = o.whitening / config_.observation_noise_scale;
     const PointObservation now = observe_point(p_world, clone.pose, extrinsics);
     const PointObservation at_first = observe_point(first.p_world, clone.first, extrinsics);
     if (!now.in_front || !at_first.in_front) return false;
-    const Matrix23d J_point = at_first.J_point / sigma;
+    const Matrix23d J_point = W * at_first.J_point;
     auto H = H_track_.middleRows(row, 2);
-    H.middleCols(state.clone_offset(index) - window, 6) += at_first.J_pose / sigma;
+    H.middleCols(state.clone_offset(index) - window, 6) += W * at_first.J_pose;
     H.middleCols(state.clone_offset(anchor_index) - window, 6) += J_point * first.J_anchor;
     if (state.extrinsics_offset() >= 0) {
       H.middleCols(state.extrinsics_offset() - window, 6) +=
-          at_first.J_extrinsics / sigma + J_point * first.J_extrinsics;
+          W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     }
-    H.col(columns) = (o.bearing - now.bearing) / sigma;
+    H.col(columns) = W * (o.bearing - now.bearing);
     H_feature_.middleRows(row, 2) = J_point * first.J_inverse_depth;
     row += 2;
   }

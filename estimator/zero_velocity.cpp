@@ -90,7 +90,7 @@ bool StillnessDetector::visually_still(double window_s, double limit) const {
   now.R_world_cam = fitted_rotation(first.tracks, last.tracks);
   const ViewChange change = compare_views(first.tracks, before, last.tracks, now);
   // Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
-  const double noise = 1.67 * last.tracks.front().sigma;
+  const double noise = 1.67 * std::sqrt(last.tracks.front().covariance.trace() / 2);
   return change.shared * static_cast<double>(last.tracks.size()) >= kMinShared &&
          change.parallax < std::hypot(limit, noise);
 }

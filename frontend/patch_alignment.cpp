@@ -165,17 +165,17 @@ struct Patch::Model {
     aligned.place.pixel = place.pixel - aligned.place.affine * step.head<2>().cast<double>();
     const float energy = (samples.array() - samples.mean()).matrix().squaredNorm();
     aligned.correlation = reading.products(0) / std::sqrt(levels[0].energy * energy);
-    aligned.sigma_px = sigma_px(aligned);
+    aligned.covariance = covariance(aligned);
     return aligned;
   }
 
   // Eight of the pixels are spent on place, map, gain and offset.
-  double sigma_px(const PatchFit& fit) const {
+  Eigen::Matrix2d covariance(const PatchFit& fit) const {
     const double unlike = std::max(0.0, 1 - fit.correlation * fit.correlation);
     const double variance = levels[0].energy * unlike / (kArea - 8);
-    const Eigen::Matrix2d spread = levels[0].inverse_hessian.cast<double>();
+    const Eigen::Matrix2d spread = affine.inverse_hessian.topLeftCorner<2, 2>().cast<double>();
     const Eigen::Matrix2d& A = fit.place.affine;
-    return std::sqrt(variance * (A * spread * A.transpose()).trace() / 2);
+    return variance * A * spread * A.transpose();
   }
 };
 

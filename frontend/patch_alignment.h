@@ -38,10 +38,10 @@ struct PatchPlace {
 struct PatchFit {
   PatchPlace place;
   double correlation = 0;  // zero-mean normalised, -1..1
-  // Standard deviation of `place.pixel`, px, mean of both directions: what is left of the
-  // brightness, taken for noise of one pixel and the next, over the texture, as if the map were
-  // known. White noise makes errors of 1.5 times that at whole pixels, 2.2 times between them.
-  double sigma_px = 0;
+  // Of `place.pixel`, px2: what is left of the brightness, taken for noise of one pixel and the
+  // next, over the texture that place and map share. White noise makes errors of 1.1 times that at
+  // whole pixels, 2 times between them.
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
 };
 
 class Patch {

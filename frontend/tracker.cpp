@@ -26,7 +26,7 @@ struct Track {
   std::uint64_t id = 0;
   std::uint64_t patch_id = 0;
   PatchPlace place;
-  double sigma_px = 0;  // of the pixel
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of the pixel
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();   // px/s, what rotation does not explain
   int length = 1;                                       // images
@@ -55,11 +55,13 @@ std::optional<Turned> turn(const CameraIntrinsics& camera, const Eigen::Vector2d
   return turned;
 }
 
-// Pixels per unit of bearing: geometric mean over the two directions.
-double pixels_per_bearing(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing) {
+// Of the bearing, from that of its pixel.
+Eigen::Matrix2d through_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing,
+                             const Eigen::Matrix2d& pixel_covariance) {
   Eigen::Matrix2d J;
   [[maybe_unused]] const Eigen::Vector2d pixel = project(camera, bearing, &J);
-  return std::sqrt(std::abs(J.determinant()));
+  const Eigen::Matrix2d to_bearing = J.inverse();
+  return to_bearing * pixel_covariance * to_bearing.transpose();
 }
 
 void check(const TrackerConfig& config, const CameraIntrinsics& camera) {
@@ -152,7 +154,8 @@ struct Tracker::Impl {
     const auto bearing = unproject(camera, found->place.pixel);
     if (!bearing) return false;
     track.place = found->place;
-    track.sigma_px = std::hypot(config.aligned_sigma, config.aligned_scale * found->sigma_px);
+    track.covariance = config.aligned_sigma * config.aligned_sigma * Eigen::Matrix2d::Identity() +
+                       config.aligned_scale * config.aligned_scale * found->covariance;
     track.bearing = *bearing;
     track.velocity =
         dt > 0 ? Eigen::Vector2d((track.place.pixel - turned.pixel) / dt) : Eigen::Vector2d::Zero();
@@ -269,7 +272,7 @@ struct Tracker::Impl {
       track.id = next_id++;
       track.patch_id = next_patch_id++;
       track.place.pixel = pixel;
-      track.sigma_px = config.pixel_sigma;
+      track.covariance = config.pixel_sigma * config.pixel_sigma * Eigen::Matrix2d::Identity();
       track.bearing = *bearing;
       track.velocity = neighbour_velocity(pixel, known);
       tracks.push_back(std::move(track));
@@ -282,7 +285,7 @@ struct Tracker::Impl {
     feature.track_id = track.id;
     feature.pixel = track.place.pixel;
     feature.bearing = track.bearing;
-    feature.sigma = track.sigma_px / pixels_per_bearing(camera, track.bearing);
+    feature.covariance = through_lens(camera, track.bearing, track.covariance);
     feature.length = track.length;
     return feature;
   }
@@ -293,7 +296,7 @@ CameraMeasurement to_measurement(const TrackedFrame& frame) {
   measurement.stamp_ns = frame.stamp_ns;
   measurement.tracks.reserve(frame.features.size());
   for (const TrackedFeature& feature : frame.features) {
-    measurement.tracks.push_back({feature.track_id, feature.bearing, feature.sigma});
+    measurement.tracks.push_back({feature.track_id, feature.bearing, feature.covariance});
   }
   return measurement;
 }

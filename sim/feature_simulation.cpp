@@ -65,7 +65,8 @@ class FeatureTracks {
       TrackObservation observation;
       observation.track_id = track_of_[sighting.landmark];
       observation.bearing = sighting.bearing + error_px / camera_.focal_px;
-      observation.sigma = camera_.pixel_sigma / camera_.focal_px;
+      observation.covariance =
+          std::pow(camera_.pixel_sigma / camera_.focal_px, 2) * Eigen::Matrix2d::Identity();
       measurement.tracks.push_back(observation);
       truth.outlier.push_back(outlier ? 1 : 0);
     }

@@ -62,7 +62,8 @@ void BM_SlamUpdate(benchmark::State& timing) {
   std::vector<TrackObservation> observations;
   for (const Track& track : window().tracks) {
     const CloneObservation& now = track.observations.back();
-    observations.push_back({track.id, now.bearing, now.sigma});
+    observations.push_back(
+        {track.id, now.bearing, (now.whitening.transpose() * now.whitening).inverse()});
   }
   UpdateReport report;
   for (auto _ : timing) {

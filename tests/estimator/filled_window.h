@@ -9,6 +9,7 @@
 
 #include "estimator/imu_buffer.h"
 #include "estimator/imu_increment.h"
+#include "estimator/observation_model.h"
 #include "estimator/state.h"
 #include "estimator/track_store.h"
 #include "estimator/vision_update.h"
@@ -79,7 +80,7 @@ inline FilledWindow filled_window(std::uint64_t seed, std::size_t first_image = 
       Track& track = tracks[seen.track_id];
       track.id = seen.track_id;
       track.seen_now = k + 1 == clones;
-      track.observations.push_back({k + 1, seen.bearing, seen.sigma});
+      track.observations.push_back({k + 1, seen.bearing, whitening(seen.covariance)});
     }
   }
   for (const auto& [id, track] : tracks) {

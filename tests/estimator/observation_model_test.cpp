@@ -85,6 +85,13 @@ TEST(ObservationModel, AnchoredPointAndItsInverseUndoEachOther) {
   EXPECT_LT((back.inverse_depth - kInverseDepth).norm(), 1e-12);
 }
 
+TEST(ObservationModel, WhitenedNoiseHasCovarianceOne) {
+  Eigen::Matrix2d covariance;
+  covariance << 4e-6, -1.5e-6, -1.5e-6, 1e-6;
+  const Eigen::Matrix2d W = whitening(covariance);
+  EXPECT_LT((W * covariance * W.transpose() - Eigen::Matrix2d::Identity()).norm(), 1e-9);
+}
+
 TEST(ObservationModel, PointBehindTheCameraIsNotSeen) {
   const CameraPose camera = camera_pose(kPose, kExtrinsics);
   const Eigen::Vector3d behind =

@@ -98,7 +98,7 @@ Scatter scatter_with(double noise) {  // grey levels
     const auto fit = found_again(noisy, at(kCentre + shift));
     if (!fit) continue;
     scatter.error_px += (fit->place.pixel - kCentre - shift).squaredNorm() / (2 * kRuns);
-    scatter.claimed_px += fit->sigma_px * fit->sigma_px / kRuns;
+    scatter.claimed_px += fit->covariance.trace() / (2 * kRuns);
   }
   return {std::sqrt(scatter.error_px), std::sqrt(scatter.claimed_px)};
 }
@@ -109,6 +109,30 @@ TEST(PatchAlignment, SaysHowWellThePatchIsFound) {
   EXPECT_NEAR(much.claimed_px / little.claimed_px, 3, 0.5);
   EXPECT_GT(much.error_px / much.claimed_px, 1.0);
   EXPECT_LT(much.error_px / much.claimed_px, 2.0);
+}
+
+// Seen from the side, a texture is finer across than along.
+TEST(PatchAlignment, SaysInWhichDirectionItIsSure) {
+  Eigen::Matrix2d stretch;
+  stretch << 1, 0, 0, 5;
+  const cv::Mat clean = warped(stretch, Eigen::Vector2d::Zero());
+  const AlignmentConfig config;
+  const auto patch = Patch::cut(build_pyramid(clean, 3), kCentre, config);
+  ASSERT_TRUE(patch.has_value());
+  cv::RNG random(12);
+  Eigen::Vector2d errors = Eigen::Vector2d::Zero(), claims = Eigen::Vector2d::Zero();  // squared
+  for (int i = 0; i < 200; ++i) {
+    cv::Mat grain(clean.size(), CV_32F), noisy;
+    random.fill(grain, cv::RNG::NORMAL, 0.0, 4);
+    cv::add(clean, grain, noisy, cv::noArray(), CV_8U);
+    const auto fit = patch->align(build_pyramid(noisy, 3), at(kCentre), 3, config);
+    ASSERT_TRUE(fit.has_value());
+    errors += (fit->place.pixel - kCentre).cwiseAbs2();
+    claims += fit->covariance.diagonal();
+  }
+  const double elongated = std::sqrt(errors.y() / errors.x());
+  EXPECT_GT(elongated, 1.5);
+  EXPECT_NEAR(std::sqrt(claims.y() / claims.x()), elongated, 0.25 * elongated);
 }
 
 TEST(PatchAlignment, FollowsAnAffineMapItIsToldNearly) {

@@ -80,7 +80,7 @@ inline TrackedFrame view(const Scene& scene, const Eigen::Isometry3d& T_world_ca
     feature.bearing =
         p_cam.hnormalized() +
         Eigen::Vector2d(uniform(-1, 1, random), uniform(-1, 1, random)) * noise.bearing;
-    feature.sigma = noise.bearing;
+    feature.covariance = noise.bearing * noise.bearing * Eigen::Matrix2d::Identity();
     feature.descriptor = with_noise(scene[i].descriptor, noise.descriptor_bits, random);
     feature.described = true;
     frame.features.push_back(feature);

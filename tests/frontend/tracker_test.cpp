@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -334,7 +336,7 @@ TEST(Tracker, RefusesASettingThatCannotWork) {
   EXPECT_THROW(Tracker(small_config(), CameraIntrinsics()), std::runtime_error);
 }
 
-TEST(Tracker, SigmaOfABearingIsThePixelSigmaThroughTheLens) {
+TEST(Tracker, CovarianceOfABearingIsThatOfThePixelThroughTheLens) {
   Flight flight;
   const TrackedFrame frame = flight.step(CameraPose());
   const CameraMeasurement measurement = to_measurement(frame);
@@ -343,15 +345,16 @@ TEST(Tracker, SigmaOfABearingIsThePixelSigmaThroughTheLens) {
     const TrackedFeature& feature = frame.features[i];
     Eigen::Matrix2d J;
     EXPECT_LT((project(small_camera(), feature.bearing, &J) - feature.pixel).norm(), 1e-6);
-    const double expected = small_config().pixel_sigma / std::sqrt(std::abs(J.determinant()));
-    EXPECT_NEAR(feature.sigma, expected, 1e-9);
+    const double variance = small_config().pixel_sigma * small_config().pixel_sigma;
+    const Eigen::Matrix2d of_pixel = J * feature.covariance * J.transpose();
+    EXPECT_LT((of_pixel - variance * Eigen::Matrix2d::Identity()).norm(), 1e-9);
     EXPECT_EQ(measurement.tracks[i].track_id, feature.track_id);
     EXPECT_EQ(measurement.tracks[i].bearing, feature.bearing);
-    EXPECT_EQ(measurement.tracks[i].sigma, feature.sigma);
+    EXPECT_EQ(measurement.tracks[i].covariance, feature.covariance);
   }
 }
 
-TEST(Tracker, SigmaOfWhatIsFollowedIsWhatItsAlignmentClaims) {
+TEST(Tracker, WhatIsFollowedIsAsCertainAsItsAlignmentClaims) {
   Flight flight;
   flight.step(CameraPose());
   const TrackedFrame frame = flight.step(CameraPose());
@@ -361,9 +364,11 @@ TEST(Tracker, SigmaOfWhatIsFollowedIsWhatItsAlignmentClaims) {
     if (feature.length < 2) continue;
     Eigen::Matrix2d J;
     EXPECT_LT((project(small_camera(), feature.bearing, &J) - feature.pixel).norm(), 1e-6);
-    const double sigma_px = feature.sigma * std::sqrt(std::abs(J.determinant()));
-    EXPECT_GE(sigma_px, config.aligned_sigma * (1 - 1e-9));
-    EXPECT_LT(sigma_px, config.pixel_sigma) << "the image has not changed";
+    const Eigen::Matrix2d of_pixel = J * feature.covariance * J.transpose();
+    const Eigen::Vector2d variances =
+        of_pixel.selfadjointView<Eigen::Lower>().eigenvalues().cwiseMax(0);
+    EXPECT_GE(std::sqrt(variances(0)), config.aligned_sigma * (1 - 1e-9));
+    EXPECT_LT(std::sqrt(variances(1)), config.pixel_sigma) << "the image has not changed";
     ++followed;
   }
   EXPECT_GT(followed, 10);

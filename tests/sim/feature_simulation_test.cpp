@@ -56,7 +56,8 @@ TEST(FeatureSimulation, SigmaIsThatOfTheNoise) {
   FeatureScenario scenario = scenario_of(Scenario::kRoom, 2);
   scenario.camera.pixel_sigma = 0.91;
   const FeatureSimulation simulation = simulate_features(scenario, 1);
-  EXPECT_NEAR(simulation.drones[0].camera[3].tracks[0].sigma, 0.91 / 455, 1e-12);
+  EXPECT_NEAR(std::sqrt(simulation.drones[0].camera[3].tracks[0].covariance(0, 0)), 0.91 / 455,
+              1e-12);
 }
 
 TEST(FeatureSimulation, TracksAreAsManyAndAsLongAsRealOnes) {

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimator/vision_update.h"
+
+#include <gtest/gtest.h>
+
+#include "estimator/observation_model.h"
+#include "tests/estimator/filled_window.h"
+
+namespace covey {
+namespace {
+
+Eigen::Vector2d expected_bearing(const State& state, const SlamLandmark& landmark) {
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  const int anchor = state.find_clone(landmark.anchor_id);
+  const Pose& anchor_pose = state.clones()[static_cast<std::size_t>(anchor)].pose;
+  const auto point = anchored_point(landmark.inverse_depth, anchor_pose, extrinsics);
+  return observe_point(point.p_world, state.clones().back().pose, extrinsics).bearing;
+}
+
+// A window with one SLAM feature.
+struct Window {
+  FilledWindow filled = filled_window(3);
+  VisionUpdate vision{filled.config, filled.state.capacity()};
+
+  Window() {
+    UpdateReport report;
+    const std::vector<const Track*> candidates{&filled.tracks.front()};
+    EXPECT_EQ(vision.update_tracks(filled.state, {}, candidates, 1, report).size(), 1U);
+  }
+  [[nodiscard]] Eigen::Vector2d expected() const {
+    return expected_bearing(filled.state, filled.state.landmarks().front());
+  }
+  // By how much the expected bearing moves when the feature is seen `off` from it.
+  Eigen::Vector2d moved_by(const Eigen::Vector2d& off, const Eigen::Matrix2d& covariance) {
+    const Eigen::Vector2d before = expected();
+    UpdateReport report;
+    const std::uint64_t id = filled.state.landmarks().front().track_id;
+    vision.update_slam(filled.state, {{id, before + off, covariance}}, report);
+    EXPECT_EQ(report.slam_used, 1);
+    return expected() - before;
+  }
+};
+
+// Surer along one diagonal than the state is, and of no use along the other.
+TEST(VisionUpdate, ABearingCountsInTheDirectionInWhichItIsSure) {
+  const Eigen::Vector2d sure = Eigen::Vector2d(1, 1).normalized();
+  const Eigen::Vector2d unsure = Eigen::Vector2d(1, -1).normalized();
+  const Eigen::Matrix2d covariance =
+      1e-10 * sure * sure.transpose() + 1.0 * unsure * unsure.transpose();
+  const Eigen::Vector2d off = 2e-4 * (sure + unsure);
+  const Eigen::Vector2d moved = Window().moved_by(off, covariance);
+  EXPECT_GT(moved.dot(sure), 0.9 * off.dot(sure));
+  EXPECT_LT(std::abs(moved.dot(unsure)), 0.3 * off.dot(unsure));
+}
+
+}  // namespace
+}  // namespace covey
