@@ -76,6 +76,18 @@ void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two sights");
 }
 
+void visit_stripes(ThermalConfig& thermal, ConfigVisitor& v) {
+  PhotometricConfig& p = thermal.photometric;
+  v.flag("stripes", p.stripes, "estimate what each column and row reads too much or too little");
+  v.number("stripe_travel_px", p.stripe.travel_px, {1, 1e4},
+           "[px] that the scene moves between two looks");
+  v.count("stripe_window_px", p.stripe.window_px, {3, 1000},
+          "[px] columns or rows whose mean is the scene's");
+  v.count("stripe_memory", p.stripe.memory, {1, 1e6}, "looks that count");
+  v.count("stripe_kept", p.stripe.kept, {1, 1e6}, "of them after a shutter event, at most");
+  v.count("stripe_trial", p.stripe.trial, {0, 1e6}, "looks after which stripes are half believed");
+}
+
 void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
   PhotometricConfig& p = thermal.photometric;
   v.number("repeated_share", p.shutter.repeated_share, {0.5, 1},
@@ -346,7 +358,7 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
   };
   section("agent", config.agent, visit_agent);
   section("initialisation", config.initialisation, visit_initialisation);
-  section("thermal", config.thermal, visit_thermal, visit_temporal, visit_spatial,
+  section("thermal", config.thermal, visit_thermal, visit_temporal, visit_spatial, visit_stripes,
           visit_image_defects, visit_tone);
   section("tracker", config.tracker, visit_tracker, visit_alignment, visit_corners, visit_outliers);
   section("estimator", config.estimator, visit_estimator, visit_features, visit_calibration,

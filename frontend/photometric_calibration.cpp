@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "estimator/median.h"
 #include "frontend/patch_alignment.h"
 
 namespace covey {
@@ -70,6 +71,26 @@ void look_up(const cv::Mat& image, const std::vector<std::int16_t>& table, const
       grey[x] = tone[static_cast<std::size_t>(std::clamp(level, 0, ToneCurve::kLevels - 1))];
     }
   }
+}
+
+template <typename Pixel>
+void look_up_sensor(const cv::Mat& image, const std::vector<std::int16_t>& table, cv::Mat& levels) {
+  for (int y = 0; y < image.rows; ++y) {
+    const Pixel* in = image.ptr<Pixel>(y);
+    auto* out = levels.ptr<std::int16_t>(y);
+    for (int x = 0; x < image.cols; ++x) {
+      const bool saturated = in[x] == 0 || in[x] == std::numeric_limits<Pixel>::max();
+      out[x] = saturated ? StripePattern::kNoLevel : table[in[x]];
+    }
+  }
+}
+
+// By how much patches have moved, px.
+double median_travel(const std::vector<FieldDifference>& patches) {
+  std::vector<double> travels;
+  travels.reserve(patches.size());
+  for (const FieldDifference& patch : patches) travels.push_back((patch.to - patch.from).norm());
+  return travels.empty() ? 0 : median(std::move(travels));
 }
 
 // The mean of the pixels beside it that are not replaced themselves.
@@ -135,6 +156,7 @@ PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, 
       shutter_(config.shutter),
       gain_(config.gain),
       field_(config.field, image_size),
+      stripes_(config.stripe, image_size),
       tone_(config.tone),
       bias_(cv::Mat::zeros(image_size, CV_16SC1)) {}
 
@@ -172,8 +194,9 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
   choose_units(image);
   gain_.restart({});
   field_.reset();
+  stripes_.doubt();
   last_seen_.clear();
-  bias_.setTo(0);
+  rebuild_bias();
   tone_.reset();
   refreshed_ns_ = 0;
 }
@@ -214,7 +237,7 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (config_.temporal) gain_.add(stamp_ns_, seen, field_at(), like_the_first());
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
-  if (config_.spatial && since_s >= config_.field.refresh_s) refresh(seen, since_s);
+  if (since_s >= config_.field.refresh_s) refresh(seen, since_s);
   if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
   if (seconds_between(checked_ns_, stamp_ns_) >= config_.bad_pixels.interval_s) {
     checked_ns_ = stamp_ns_;
@@ -222,12 +245,35 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   }
 }
 
-// What the field did to the patches since they were last looked at.
+// What the field did to the patches since they were last looked at, and the stripes to the image
+// if the scene has moved on.
 void PhotometricCalibration::refresh(std::vector<TrackGrey> seen, double elapsed_s) {
   refreshed_ns_ = stamp_ns_;
-  field_.update(elapsed_s, differences(last_seen_, seen));
+  const std::vector<FieldDifference> found = differences(last_seen_, seen);
+  if (config_.spatial) field_.update(elapsed_s, found);
+  travelled_px_ += median_travel(found);
+  if (config_.stripes && travelled_px_ >= config_.stripe.travel_px) {
+    travelled_px_ = 0;
+    stripes_.look(sensor_levels());
+  }
   last_seen_ = std::move(seen);
+  rebuild_bias();
+}
+
+void PhotometricCalibration::rebuild_bias() {
   bias_ = field_.image(kLevelsPerSigma);
+  stripes_.add_to(bias_);
+}
+
+// Calibrated levels with field and stripes still in them.
+cv::Mat PhotometricCalibration::sensor_levels() const {
+  cv::Mat levels(image_.size(), CV_16SC1);
+  if (image_.depth() == CV_8U) {
+    look_up_sensor<std::uint8_t>(image_, table_, levels);
+  } else {
+    look_up_sensor<std::uint16_t>(image_, table_, levels);
+  }
+  return levels;
 }
 
 std::vector<FieldDifference> PhotometricCalibration::differences(

@@ -19,6 +19,7 @@
 #include "estimator/measurements.h"
 #include "frontend/shutter_detector.h"
 #include "frontend/spatial_field.h"
+#include "frontend/stripe_pattern.h"
 #include "frontend/temporal_gain.h"
 #include "frontend/tone_curve.h"
 #include "frontend/tracker.h"
@@ -32,9 +33,11 @@ struct BadPixelConfig {
 };
 
 struct PhotometricConfig {
-  bool temporal = true, spatial = true;  // what is estimated; without either, contrast only
+  // What is estimated; without any, contrast only.
+  bool temporal = true, spatial = true, stripes = true;
   TemporalConfig gain;
   SpatialConfig field;
+  StripeConfig stripe;
   ShutterConfig shutter;
   BadPixelConfig bad_pixels;
   ToneConfig tone;
@@ -75,6 +78,8 @@ class PhotometricCalibration {
   [[nodiscard]] std::vector<FieldDifference> differences(const std::vector<TrackGrey>& before,
                                                          const std::vector<TrackGrey>& now) const;
   void refresh(std::vector<TrackGrey> seen, double elapsed_s);
+  [[nodiscard]] cv::Mat sensor_levels() const;
+  void rebuild_bias();
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
@@ -84,6 +89,8 @@ class PhotometricCalibration {
   ShutterDetector shutter_;
   TemporalGain gain_;
   SpatialField field_;
+  StripePattern stripes_;
+  double travelled_px_ = 0;  // by the scene, since the stripes were looked at
   ToneCurve tone_;
 
   cv::Mat image_;  // the current one, as it came
@@ -91,7 +98,7 @@ class PhotometricCalibration {
   TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
   double centre_ = 0, sigma_ = 1;     // of the chain's first image, grey levels
   std::vector<std::int16_t> table_;   // image's grey level to calibrated level
-  cv::Mat bias_;                      // CV_16SC1, the field, calibrated levels
+  cv::Mat bias_;                      // CV_16SC1, field and stripes, calibrated levels
   std::vector<TrackGrey> last_seen_;  // at the last refresh; by patch
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out

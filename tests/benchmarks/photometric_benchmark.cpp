@@ -99,6 +99,22 @@ void FieldImage(benchmark::State& state) {
 BENCHMARK(FieldUpdate)->Unit(benchmark::kMillisecond);
 BENCHMARK(FieldImage)->Unit(benchmark::kMillisecond);
 
+void StripeLook(benchmark::State& state) {
+  StripePattern stripes(StripeConfig{}, kImage);
+  cv::Mat levels;
+  scene(CV_8UC1, 0).convertTo(levels, CV_16SC1, 4);
+  for (auto _ : state) stripes.look(levels);
+}
+void StripeImage(benchmark::State& state) {
+  StripePattern stripes(StripeConfig{}, kImage);
+  cv::Mat levels;
+  scene(CV_8UC1, 0).convertTo(levels, CV_16SC1, 4);
+  stripes.look(levels);
+  for (auto _ : state) stripes.add_to(levels);
+}
+BENCHMARK(StripeLook)->Unit(benchmark::kMillisecond);
+BENCHMARK(StripeImage)->Unit(benchmark::kMillisecond);
+
 // Without tracks there is nothing to fit: detection of the shutter, tables, contrast and the pass
 // over the pixels are left.
 void ApplyAlone(benchmark::State& state) {

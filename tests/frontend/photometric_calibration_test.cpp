@@ -153,6 +153,38 @@ TEST(PhotometricCalibration, ReplacesHotPixelsAndNoOthers) {
   }
 }
 
+// How much of a pattern of columns is in an image, as it was shown or turned into other units: the
+// steps between columns against the pattern's, regression.
+double share_of(const cv::Mat& columns, const cv::Mat& image) {
+  cv::Mat means;
+  cv::reduce(image, means, 0, cv::REDUCE_AVG, CV_32F);
+  const auto steps = [](const cv::Mat& row) {
+    return cv::Mat(row.colRange(1, row.cols) - row.colRange(0, row.cols - 1));
+  };
+  const cv::Mat wanted = steps(columns);
+  return steps(means).dot(wanted) / wanted.dot(wanted);
+}
+
+TEST(PhotometricCalibration, TakesOffWhatColumnsReadTooMuch) {
+  cv::Mat columns(1, kImage.width, CV_32FC1);
+  cv::RNG(9).fill(columns, cv::RNG::NORMAL, 0, 1);
+  const auto left = [&](bool stripes, bool wide) {
+    SyntheticThermal camera(8);
+    camera.stripes = cv::repeat(columns, kImage.height, 1);
+    PhotometricConfig config = free_gain();
+    config.stripes = stripes;
+    PhotometricCalibration calibration(config, kImage);
+    (void)fly(camera, calibration, 100, wide);
+    double sum = 0;  // scenes differ from image to image
+    for (int k = 0; k < 10; ++k) {
+      sum += share_of(columns, fly(camera, calibration, 5, wide).last.pixels);
+    }
+    return sum;
+  };
+  EXPECT_LT(left(true, false), 0.3 * left(false, false));
+  EXPECT_LT(left(true, true), 0.3 * left(false, true));
+}
+
 TEST(PhotometricCalibration, ASaturatedHalfDoesNotSteerTheGain) {
   SyntheticThermal camera(6);
   camera.saturated_half = true;

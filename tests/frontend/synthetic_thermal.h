@@ -26,6 +26,7 @@ class SyntheticThermal {
   double gain = 1, offset = 0;  // of the current image: what takes it to the first one's levels
   bool saturated_half = false;
   std::vector<cv::Point> hot_pixels;
+  cv::Mat stripes;  // CV_32FC1, grey levels of the first image; empty: none
 
   explicit SyntheticThermal(unsigned seed) : random_(seed) {
     plane_.create(kPlane, kPlane, CV_32FC1);
@@ -80,6 +81,7 @@ class SyntheticThermal {
     cv::Mat grain(scene.size(), CV_32FC1);
     fill(grain);
     scene += field() + noise * grain;
+    if (!stripes.empty()) scene += stripes;
     if (saturated_half) scene.colRange(0, kWidth / 2) = 5000;
     if (wide) {
       scene.convertTo(image_, CV_16UC1, 100 / gain, 20000 - 100 * offset / gain);
