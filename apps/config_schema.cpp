@@ -231,12 +231,16 @@ void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {
 
 void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.option("exchange", c.exchange, {"compact", "paper", "naive"},
-           "questions per keyframe and short answers; the paper's; every image to all");
+           "questions per new view and short answers; the paper's; every image to all");
   v.number("keyframe_baseline_over_depth", c.keyframe.baseline_over_depth, {1e-3, 10},
            "way since the last keyframe over mean depth");
   v.angle("keyframe_rotation_deg", c.keyframe.rotation, {0.1, 180},
           "[deg] since the last keyframe");
   v.number("keyframe_min_interval_s", c.keyframe.min_interval_s, {0, 1e3}, "[s]");
+  v.number("question_baseline_over_depth", c.question.baseline_over_depth, {1e-3, 10},
+           "way since the last keyframe that was asked about, over mean depth");
+  v.angle("question_rotation_deg", c.question.rotation, {0.1, 180}, "[deg] since then");
+  v.number("question_min_interval_s", c.question.min_interval_s, {0, 1e3}, "[s] since then");
   v.number("keyframe_fallback_depth_m", c.keyframe.fallback_depth, {0.01, 1e4},
            "[m] while no landmark is known");
   v.number("keyframe_max_relative_sigma", c.keyframe.max_relative_sigma, {1e-3, 10},

@@ -45,7 +45,7 @@ FeatureExchange::FeatureExchange(const FeatureExchangeConfig& config,
     : config_(config) {
   for (std::string& name : names) {
     drones_.push_back(
-        {std::move(name), false, {}, AnswerLimiter(config.limits.limiter), {}, {}, {}});
+        {std::move(name), false, {}, AnswerLimiter(config.limits.limiter), {}, {}, {}, {}});
   }
 }
 
@@ -59,16 +59,27 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
       measured_since(self.keyframes, keyframe.pose, config_.limits.depth_memory_s);
   self.keyframes.push_back(keyframe);
   self.keyframes.back().before = before;
-  if (self.silent) return;
-  const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
+}
+
+// As Collaborator::wants_to_ask().
+bool FeatureExchange::wants_to_ask(Drone& self) {
+  const FlownKeyframe& newest = self.keyframes.back();
+  if (self.silent || (self.last_asked &&
+                      !is_keyframe(config_.limits.question, *self.last_asked, newest.pose.stamp_ns,
+                                   newest.pose.T_world_cam, newest.mean_depth))) {
+    return false;
+  }
+  self.last_asked = newest.pose;
+  const std::size_t corners = std::min(newest.features.size(), kCompactCorners);
   const PlaceAdvert advert{self.name,
-                           keyframe.pose.keyframe_id,
-                           keyframe.pose.stamp_ns,
+                           newest.pose.keyframe_id,
+                           newest.pose.stamp_ns,
                            1,
                            {},
                            std::vector<std::uint8_t>(corners * kCompactBytes)};
-  ++self.traffic.keyframes;
+  ++self.traffic.questions;
   self.traffic.advert_bytes += encode(advert).size();
+  return true;
 }
 
 std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
@@ -100,7 +111,7 @@ std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
 std::vector<KeyframeMatch> FeatureExchange::ask(std::size_t drone) {
   Drone& self = drones_[drone];
   std::vector<KeyframeMatch> matches;
-  if (self.silent) return matches;
+  if (!wants_to_ask(self)) return matches;
   const FlownKeyframe& own = self.keyframes.back();
   for (std::size_t peer = 0; peer < drones_.size(); ++peer) {
     if (peer == drone || drones_[peer].silent) continue;

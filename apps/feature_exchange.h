@@ -40,7 +40,7 @@ struct FeatureExchangeConfig {
 };
 
 struct Traffic {
-  int keyframes = 0;  // taken, each advertised once
+  int questions = 0;  // asked, of all peers at once
   int answers = 0;    // sent
   std::size_t advert_bytes = 0;
   std::size_t answer_bytes = 0;
@@ -56,7 +56,8 @@ class FeatureExchange {
   void add_keyframe(std::size_t drone, const FlownKeyframe& keyframe);
   // The newest keyframe against what the drone has already, at no bytes.
   [[nodiscard]] std::vector<KeyframeMatch> revisit(std::size_t drone) const;
-  // The newest keyframe asked of all others; their answers, matched.
+  // The newest keyframe asked of all others, unless one from nearly there was; their answers,
+  // matched.
   [[nodiscard]] std::vector<KeyframeMatch> ask(std::size_t drone);
 
   [[nodiscard]] const Traffic& traffic(std::size_t drone) const { return drones_[drone].traffic; }
@@ -75,11 +76,13 @@ class FeatureExchange {
     bool silent = false;
     Falsehood falsehood;
     AnswerLimiter limiter;
+    std::optional<KeyframePose> last_asked;
     std::deque<FlownKeyframe> keyframes;
     std::deque<Sight> remembered;  // of peers
     Traffic traffic;
   };
 
+  [[nodiscard]] bool wants_to_ask(Drone& self);
   [[nodiscard]] Sight sight_of(std::size_t drone, const FlownKeyframe& keyframe) const;
   [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone,
                                                  const FlownKeyframe& seen) const;

@@ -45,7 +45,7 @@ FlownImage FeatureFlight::next() {
   const Eigen::Isometry3d T_world_cam = camera_in_world(flown.alone.pose, extrinsics);
   const bool first = last_.pose.keyframe_id == 0;
   if (flown.alone.status == FilterStatus::kTracking &&
-      (first || is_keyframe(rule_, last_, image.stamp_ns, T_world_cam, last_.mean_depth))) {
+      (first || is_keyframe(rule_, last_.pose, image.stamp_ns, T_world_cam, last_.mean_depth))) {
     flown.keyframe = keyframe(image, {last_.pose.keyframe_id + 1, image.stamp_ns, T_world_cam,
                                       camera_covariance(flown.alone, extrinsics)});
     flown.keyframe->T_world_cam_true = camera_in_world(flown.truth, drone_.extrinsics);

@@ -245,6 +245,7 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometr
     if (drift_) revisited = collaborator_->revisit();
   }
   if (exchange == ExchangeMode::kPaper) keep_filter(advert->keyframe_id);
+  if (!collaborator_->wants_to_ask()) advert.reset();
   ++status_.keyframes;
   for (const KeyframeMatch& match : revisited) (void)fuse(match);
   return advert;

@@ -166,7 +166,8 @@ void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& 
 bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
   now_ns_ = stamp_ns;
   const Keyframe* last = database_.last();
-  return !last || is_keyframe(config_.keyframe, *last, stamp_ns, T_world_cam, last->mean_depth);
+  return !last ||
+         is_keyframe(config_.keyframe, last->pose, stamp_ns, T_world_cam, last->mean_depth);
 }
 
 PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const ImagePyramid& image,
@@ -176,6 +177,16 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const Imag
   database_.add(make_keyframe(described, image, T_world_cam, covariance, depths));
   ++report_.keyframes;
   return advert_of(*database_.last());
+}
+
+bool Collaborator::wants_to_ask() {
+  const Keyframe& newest = *database_.last();
+  const bool asked_from_here = config_.exchange == ExchangeMode::kCompact && last_asked_ &&
+                               !is_keyframe(config_.question, *last_asked_, newest.pose.stamp_ns,
+                                            newest.pose.T_world_cam, newest.mean_depth);
+  if (asked_from_here) return false;
+  last_asked_ = newest.pose;
+  return true;
 }
 
 PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePyramid& image,

@@ -39,7 +39,7 @@ namespace covey {
 
 // What drones tell each other, and when.
 enum class ExchangeMode : std::uint8_t {
-  kCompact,  // a question per keyframe; who has seen the place answers the asker, but not too often
+  kCompact,  // a question per new view; who has seen the place answers the asker, but not too often
   kPaper,    // the paper's: a question per image, each about a known place is answered
   kNaive,    // what the paper compares with: every image is told to all, nobody asks
 };
@@ -52,7 +52,8 @@ struct CollaboratorConfig {
   ExchangeMode exchange = ExchangeMode::kCompact;
 
   // Asking and storing.
-  KeyframeRule keyframe;
+  KeyframeRule keyframe = {0.07, 0.35, 0.25};
+  KeyframeRule question;  // as that rule, between keyframes that are asked about
   KeyframeDatabase::Config database;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
@@ -75,7 +76,7 @@ struct CollaboratorConfig {
 
 // Counts since the start.
 struct CollaboratorReport {
-  int keyframes = 0;  // taken, each advertised once
+  int keyframes = 0;  // taken
   int revisits = 0;   // matches of them with what was here already
 
   int adverts_received = 0;
@@ -106,6 +107,11 @@ class Collaborator {
   PlaceAdvert add_keyframe(const TrackedFrame& described, const ImagePyramid& image,
                            const Eigen::Isometry3d& T_world_cam, const Matrix6d& covariance,
                            const std::vector<TrackDepth>& depths);
+
+  // Whether the newest keyframe shall be asked about; if so it counts as asked. Not if the compact
+  // exchange has asked from nearly there: the others are stored, so that there is a near one for
+  // every question, and compared with what is known already.
+  [[nodiscard]] bool wants_to_ask();
 
   // An image between two keyframes, for exchanges at the rate of the camera. Answers find it among
   // the newest; nobody is answered with it.
@@ -195,6 +201,7 @@ class Collaborator {
   std::deque<Remembered> remembered_;  // of peers, in the order in which they came
   KeyframeMatcher matcher_;
   AnswerLimiter limiter_;
+  std::optional<KeyframePose> last_asked_;
   ViewpointTolerance tolerance_;
   CollaboratorReport report_;
 };

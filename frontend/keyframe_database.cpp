@@ -64,12 +64,12 @@ std::optional<double> mean_depth(const std::vector<TrackDepth>& depths, double m
   return sum / count;
 }
 
-bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns,
+bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stamp_ns,
                  const Eigen::Isometry3d& T_world_cam, double mean_depth) {
-  if (seconds_between(last.pose.stamp_ns, stamp_ns) < rule.min_interval_s) return false;
-  const double baseline = way_between(T_world_cam, last.pose.T_world_cam);
+  if (seconds_between(last.stamp_ns, stamp_ns) < rule.min_interval_s) return false;
+  const double baseline = way_between(T_world_cam, last.T_world_cam);
   return baseline > rule.baseline_over_depth * mean_depth ||
-         angle_between(last.pose.T_world_cam, T_world_cam) > rule.rotation;
+         angle_between(last.T_world_cam, T_world_cam) > rule.rotation;
 }
 
 void refine_depths(Keyframe& older, const Keyframe& newer) {

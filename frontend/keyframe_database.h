@@ -46,7 +46,7 @@ struct Keyframe {
   PlaceDescriptor place;
 };
 
-[[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const Keyframe& last, TimeNs stamp_ns,
+[[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stamp_ns,
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
 // Its sigma is left 0: comparing views needs none.

@@ -194,7 +194,7 @@ TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
     (void)one.pipeline().fuse(*answer);
   }
   EXPECT_GT(asked, 0);
-  EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
+  EXPECT_GT(one.pipeline().collaboration()->keyframes, asked) << "not about each is asked";
   EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
   EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
 }

@@ -205,8 +205,26 @@ TEST(Collaborator, KeyframesFollowTheBaselineOverTheMeanDepth) {
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
   EXPECT_TRUE(drone.wants_keyframe(nanoseconds(1), level_camera({0, 0, 0})));
   look(drone, scene, level_camera({0, 0, 0}), 1, 1);
-  EXPECT_FALSE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 2.5, 0})));
-  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 3.5, 0})));
+  EXPECT_FALSE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 1.3, 0})));
+  EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 1.5, 0})));
+}
+
+// Keyframes lie closer together than questions do.
+TEST(Collaborator, AsksAboutNewViewsOnly) {
+  const Scene scene = make_scene(50, {20, 0, 0}, 1);
+  const auto asks = [&](Collaborator& drone, double y, double seconds) {
+    (void)look(drone, scene, level_camera({0, y, 0}), seconds, 1);
+    return drone.wants_to_ask();
+  };
+  Collaborator drone = make_drone("uav0");
+  EXPECT_TRUE(asks(drone, 0, 1));
+  EXPECT_FALSE(asks(drone, 1.5, 2));
+  EXPECT_FALSE(asks(drone, 2.5, 3)) << "nearer to the last question's than 15 % of the depth";
+  EXPECT_TRUE(asks(drone, 3.5, 4));
+  EXPECT_FALSE(asks(drone, 5, 5));
+  Collaborator in_paper = make_drone("uav1", ExchangeMode::kPaper);
+  EXPECT_TRUE(asks(in_paper, 0, 1));
+  EXPECT_TRUE(asks(in_paper, 0.1, 2)) << "the paper's drones ask about each";
 }
 
 TEST(Collaborator, OtherPlaceGetsNoAnswer) {

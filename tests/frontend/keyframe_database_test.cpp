@@ -55,19 +55,19 @@ TEST(KeyframeRule, BaselineIsMeasuredAgainstTheMeanDepth) {
   const Keyframe last = keyframe(0, {0, 0, 0});
   const KeyframeRule rule;  // 15 %
   const TimeNs later = last.pose.stamp_ns + nanoseconds(1.0);
-  EXPECT_FALSE(is_keyframe(rule, last, later, level_camera({0, 1.4, 0}), 10));
-  EXPECT_TRUE(is_keyframe(rule, last, later, level_camera({0, 1.6, 0}), 10));
-  EXPECT_FALSE(is_keyframe(rule, last, later, level_camera({0, 1.6, 0}), 20));
+  EXPECT_FALSE(is_keyframe(rule, last.pose, later, level_camera({0, 1.4, 0}), 10));
+  EXPECT_TRUE(is_keyframe(rule, last.pose, later, level_camera({0, 1.6, 0}), 10));
+  EXPECT_FALSE(is_keyframe(rule, last.pose, later, level_camera({0, 1.6, 0}), 20));
 }
 
 TEST(KeyframeRule, RotationCountsAndHasteDoesNot) {
   const Keyframe last = keyframe(0, {0, 0, 0});
   const KeyframeRule rule;
   const TimeNs later = last.pose.stamp_ns + nanoseconds(1.0);
-  EXPECT_FALSE(is_keyframe(rule, last, later, level_camera({0, 0, 0}, 0.3), 10));
-  EXPECT_TRUE(is_keyframe(rule, last, later, level_camera({0, 0, 0}, 0.4), 10));
+  EXPECT_FALSE(is_keyframe(rule, last.pose, later, level_camera({0, 0, 0}, 0.3), 10));
+  EXPECT_TRUE(is_keyframe(rule, last.pose, later, level_camera({0, 0, 0}, 0.4), 10));
   const TimeNs soon = last.pose.stamp_ns + nanoseconds(0.4);
-  EXPECT_FALSE(is_keyframe(rule, last, soon, level_camera({0, 9, 0}), 10));
+  EXPECT_FALSE(is_keyframe(rule, last.pose, soon, level_camera({0, 9, 0}), 10));
 }
 
 TEST(KeyframeDatabase, FindsByIdOnly) {
