@@ -31,8 +31,8 @@ struct TrackerConfig {
   // last: .7 of them are still there in the next image and .25 after ten (rendered flights, true
   // poses), and the filter takes them for noise that does not.
   double pixel_sigma = 0.3;
-  double aligned_sigma = 0.06;
-  double aligned_scale = 4;
+  double aligned_sigma = 0.07;
+  double aligned_scale = 4.5;
 
   int pyramid_levels = 4;    // the image itself and its halves
   int predicted_levels = 2;  // of them, tried first for a track whose motion is known
