@@ -9,12 +9,50 @@
 namespace covey {
 namespace {
 
-// Of the differences between neighbours that are small enough to be stripes and noise.
+// Differences between neighbours that are small enough to be stripes and noise: from the lesser to
+// the greater limit. Whole numbers, so that compilers add up several at once.
 struct Steps {
-  explicit Steps(std::size_t count) : sum(count, 0), seen(count, 0) {}
-  std::vector<float> sum;
-  std::vector<int> seen;
+  explicit Steps(const std::vector<float>& known, float reach)
+      : least(known.size()), most(known.size()), sum(known.size(), 0), seen(known.size(), 0) {
+    for (std::size_t i = 0; i < known.size(); ++i) {
+      least[i] = static_cast<int>(std::ceil(known[i] - reach));
+      most[i] = static_cast<int>(std::floor(known[i] + reach));
+    }
+  }
+  std::vector<int> least, most, sum, seen;
 };
+
+int is_small(int from, int to, int least, int most) {
+  const int step = to - from;
+  return static_cast<int>(from != StripePattern::kNoLevel) &
+         static_cast<int>(to != StripePattern::kNoLevel) & static_cast<int>(step >= least) &
+         static_cast<int>(step <= most);
+}
+
+// From each column to the next, along one row.
+void add_across(const std::int16_t* row, Steps& steps) {
+  for (std::size_t x = 0; x < steps.sum.size(); ++x) {
+    const int small = is_small(row[x], row[x + 1], steps.least[x], steps.most[x]);
+    steps.sum[x] += small * (row[x + 1] - row[x]);
+    steps.seen[x] += small;
+  }
+}
+
+// From row y to the one below.
+void add_down(const cv::Mat& levels, int y, Steps& steps) {
+  const auto* row = levels.ptr<std::int16_t>(y);
+  const auto* below = levels.ptr<std::int16_t>(y + 1);
+  const auto i = static_cast<std::size_t>(y);
+  const int least = steps.least[i], most = steps.most[i];
+  int sum = 0, seen = 0;
+  for (int x = 0; x < levels.cols; ++x) {
+    const int small = is_small(row[x], below[x], least, most);
+    sum += small * (below[x] - row[x]);
+    seen += small;
+  }
+  steps.sum[i] = sum;
+  steps.seen[i] = seen;
+}
 
 // How much neighbours along a row differ, mean of absolute values, from every eighth row.
 float typical_step(const cv::Mat& levels) {
@@ -32,9 +70,11 @@ float typical_step(const cv::Mat& levels) {
   return count > 0 ? static_cast<float>(sum / count) : 0;
 }
 
-void learn(std::vector<float>& steps, const Steps& seen, float share) {
+void learn(std::vector<float>& steps, const Steps& looked, float share) {
   for (std::size_t i = 0; i < steps.size(); ++i) {
-    if (seen.seen[i] > 0) steps[i] += share * seen.sum[i] / static_cast<float>(seen.seen[i]);
+    if (looked.seen[i] == 0) continue;
+    const float mean = static_cast<float>(looked.sum[i]) / static_cast<float>(looked.seen[i]);
+    steps[i] += share * (mean - steps[i]);
   }
 }
 
@@ -62,33 +102,11 @@ StripePattern::StripePattern(const StripeConfig& config, cv::Size image_size)
 
 void StripePattern::look(const cv::Mat& levels) {
   constexpr float kEdge = 2;  // times what neighbours typically differ by
-  const float most = kEdge * typical_step(levels);
-  Steps columns(column_steps_.size()), rows(row_steps_.size());
+  const float reach = kEdge * typical_step(levels);
+  Steps columns(column_steps_, reach), rows(row_steps_, reach);
   for (int y = 0; y < levels.rows; ++y) {
-    const auto* row = levels.ptr<std::int16_t>(y);
-    const bool last = y + 1 == levels.rows;
-    const auto* below = last ? row : levels.ptr<std::int16_t>(y + 1);
-    const float row_step = last ? 0 : row_steps_[static_cast<std::size_t>(y)];
-    float down = 0;
-    int counted = 0;
-    for (int x = 0; x < levels.cols; ++x) {
-      if (row[x] == kNoLevel) continue;
-      const auto i = static_cast<std::size_t>(x);
-      if (x + 1 < levels.cols && row[x + 1] != kNoLevel) {
-        const float rest = static_cast<float>(row[x + 1] - row[x]) - column_steps_[i];
-        const bool small = std::abs(rest) <= most;
-        columns.sum[i] += small ? rest : 0;
-        columns.seen[i] += small ? 1 : 0;
-      }
-      if (below[x] == kNoLevel) continue;
-      const float rest = static_cast<float>(below[x] - row[x]) - row_step;
-      const bool small = std::abs(rest) <= most;
-      down += small ? rest : 0;
-      counted += small ? 1 : 0;
-    }
-    if (last) continue;
-    rows.sum[static_cast<std::size_t>(y)] = down;
-    rows.seen[static_cast<std::size_t>(y)] = counted;
+    add_across(levels.ptr<std::int16_t>(y), columns);
+    if (y + 1 < levels.rows) add_down(levels, y, rows);
   }
   looks_ = std::min(looks_ + 1, config_.memory);
   learn(column_steps_, columns, 1 / static_cast<float>(looks_));
@@ -105,9 +123,9 @@ void StripePattern::add_to(cv::Mat& image) const {
   for (int y = 0; y < image.rows; ++y) {
     auto* row = image.ptr<std::int16_t>(y);
     const float of_row = rows[static_cast<std::size_t>(y)];
-    for (int x = 0; x < image.cols; ++x) {
-      const float stripe = trust * (of_row + columns[static_cast<std::size_t>(x)]);
-      row[x] = static_cast<std::int16_t>(row[x] + std::lrint(stripe));
+    for (std::size_t x = 0; x < columns.size(); ++x) {
+      const float level = static_cast<float>(row[x]) + trust * (of_row + columns[x]);
+      row[x] = static_cast<std::int16_t>(level + (level < 0 ? -0.5F : 0.5F));
     }
   }
 }
