@@ -267,7 +267,7 @@ void add_team_command(CLI::App& covey) {
   command
       ->add_option(
           "--exchange", options->exchange,
-          "What the drones tell each other: a question per keyframe and short answers; the "
+          "What the drones tell each other: a question per new view and short answers; the "
           "paper's question per image and answers with the whole filter; or the whole "
           "filter to all at every image")
       ->check(CLI::IsMember({"compact", "paper", "naive"}))

@@ -6,7 +6,8 @@
 //
 //   if (collaborator.wants_keyframe(stamp, T_world_cam)) {             // every image
 //     tracker.describe(frame);
-//     broadcast(collaborator.add_keyframe(frame, pose, depths));
+//     advert = collaborator.add_keyframe(frame, pose, depths);
+//     if (collaborator.wants_to_ask()) broadcast(advert);
 //     for (auto& match : collaborator.revisit()) ...                    // KeyframeMatch -> filter
 //   }
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
