@@ -61,25 +61,17 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
   self.keyframes.back().before = before;
 }
 
-// As Collaborator::wants_to_ask().
-bool FeatureExchange::wants_to_ask(Drone& self) {
-  const FlownKeyframe& newest = self.keyframes.back();
-  if (self.silent || (self.last_asked &&
-                      !is_keyframe(config_.limits.question, *self.last_asked, newest.pose.stamp_ns,
-                                   newest.pose.T_world_cam, newest.mean_depth))) {
-    return false;
-  }
-  self.last_asked = newest.pose;
-  const std::size_t corners = std::min(newest.features.size(), kCompactCorners);
+void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe) {
+  self.last_asked = keyframe.pose;
+  const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
   const PlaceAdvert advert{self.name,
-                           newest.pose.keyframe_id,
-                           newest.pose.stamp_ns,
+                           keyframe.pose.keyframe_id,
+                           keyframe.pose.stamp_ns,
                            1,
                            {},
                            std::vector<std::uint8_t>(corners * kCompactBytes)};
   ++self.traffic.questions;
   self.traffic.advert_bytes += encode(advert).size();
-  return true;
 }
 
 std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
@@ -111,8 +103,12 @@ std::vector<KeyframeMatch> FeatureExchange::revisit(std::size_t drone) const {
 std::vector<KeyframeMatch> FeatureExchange::ask(std::size_t drone) {
   Drone& self = drones_[drone];
   std::vector<KeyframeMatch> matches;
-  if (!wants_to_ask(self)) return matches;
   const FlownKeyframe& own = self.keyframes.back();
+  if (self.silent ||
+      !is_worth_asking(config_.limits.question, self.last_asked, own.pose, own.mean_depth)) {
+    return matches;
+  }
+  count_question(self, own);
   for (std::size_t peer = 0; peer < drones_.size(); ++peer) {
     if (peer == drone || drones_[peer].silent) continue;
     AnswerLimiter& limiter = drones_[peer].limiter;

@@ -82,7 +82,7 @@ class FeatureExchange {
     Traffic traffic;
   };
 
-  [[nodiscard]] bool wants_to_ask(Drone& self);
+  static void count_question(Drone& self, const FlownKeyframe& keyframe);
   [[nodiscard]] Sight sight_of(std::size_t drone, const FlownKeyframe& keyframe) const;
   [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone,
                                                  const FlownKeyframe& seen) const;

@@ -181,10 +181,10 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const Imag
 
 bool Collaborator::wants_to_ask() {
   const Keyframe& newest = *database_.last();
-  const bool asked_from_here = config_.exchange == ExchangeMode::kCompact && last_asked_ &&
-                               !is_keyframe(config_.question, *last_asked_, newest.pose.stamp_ns,
-                                            newest.pose.T_world_cam, newest.mean_depth);
-  if (asked_from_here) return false;
+  if (config_.exchange == ExchangeMode::kCompact &&
+      !is_worth_asking(config_.question, last_asked_, newest.pose, newest.mean_depth)) {
+    return false;
+  }
   last_asked_ = newest.pose;
   return true;
 }

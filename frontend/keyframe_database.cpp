@@ -72,6 +72,12 @@ bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stam
          angle_between(last.T_world_cam, T_world_cam) > rule.rotation;
 }
 
+bool is_worth_asking(const KeyframeRule& rule, const std::optional<KeyframePose>& last_asked,
+                     const KeyframePose& newest, double mean_depth) {
+  return !last_asked ||
+         is_keyframe(rule, *last_asked, newest.stamp_ns, newest.T_world_cam, mean_depth);
+}
+
 void refine_depths(Keyframe& older, const Keyframe& newer) {
   const Eigen::Isometry3d T_older_newer = older.pose.T_world_cam.inverse() * newer.pose.T_world_cam;
   int known = 0, refined = 0;

@@ -49,6 +49,11 @@ struct Keyframe {
 [[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stamp_ns,
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
+// Shall the newest keyframe be asked about, or has one from nearly there been?
+[[nodiscard]] bool is_worth_asking(const KeyframeRule& rule,
+                                   const std::optional<KeyframePose>& last_asked,
+                                   const KeyframePose& newest, double mean_depth);
+
 // Its sigma is left 0: comparing views needs none.
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);
 

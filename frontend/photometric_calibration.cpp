@@ -237,7 +237,8 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (config_.temporal) gain_.add(stamp_ns_, seen, field_at(), like_the_first());
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
-  if (since_s >= config_.field.refresh_s) refresh(seen, since_s);
+  const bool refreshes = config_.spatial || config_.stripes;
+  if (refreshes && since_s >= config_.field.refresh_s) refresh(seen, since_s);
   if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
   if (seconds_between(checked_ns_, stamp_ns_) >= config_.bad_pixels.interval_s) {
     checked_ns_ = stamp_ns_;

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 #include "estimator/observation_model.h"
 #include "tests/estimator/filled_window.h"
 
