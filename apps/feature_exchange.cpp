@@ -11,6 +11,7 @@
 #include "comms/checks.h"
 #include "comms/convert.h"
 #include "frontend/compact_place.h"
+#include "frontend/depth_refinement.h"
 #include "frontend/nearest_views.h"
 #include "sim/random.h"
 
@@ -57,6 +58,11 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
   Drone& self = drones_[drone];
   const KeyframePose before =
       measured_since(self.keyframes, keyframe.pose, config_.limits.depth_memory_s);
+  const std::size_t newest = std::min<std::size_t>(self.keyframes.size(), config_.limits.database.protected_newest);
+  for (std::size_t i = self.keyframes.size() - newest; i < self.keyframes.size(); ++i) {
+    refine_depths(self.keyframes[i], keyframe,
+                  [](const FlownFeature& feature) { return feature.landmark; });
+  }
   self.keyframes.push_back(keyframe);
   self.keyframes.back().before = before;
 }

@@ -236,7 +236,7 @@ std::string figures_table(const Inspection& inspection,
                           const std::optional<ThermalComparison>& compared) {
   std::string rows = flight_rows("raw", inspection.raw);
   if (inspection.calibrated) rows += flight_rows("calibrated", *inspection.calibrated);
-  rows += row("raw: change of a patch in ten images, median, of the image's deviation",
+  rows += row("raw: change of a track's patch in ten images, median, of the image's deviation",
               inspection.raw_residual, 4);
   rows += row("calibrated: the same", inspection.calibrated_residual, 4);
   constexpr double kPercent = 100;

@@ -19,7 +19,6 @@ namespace {
 
 constexpr std::size_t kHistogramInterval = 10;  // images between two that are counted
 constexpr std::size_t kResidualLag = 10;        // images between two sights of a patch
-constexpr int kPatchRadius = 5;                 // px, of a patch whose mean is compared
 constexpr double kFieldInterval_s = 0.5;
 
 AgentConfig alone(AgentConfig config, ThermalMode mode, bool has_truth) {
@@ -118,7 +117,7 @@ class PhotometricLog {
     if (result.calibrated->restarted) past_.clear();
     gains_.push_back({stamp_ns, chain_ns, calibration.map()});
     const cv::Mat field = calibration.field();
-    compare_patches(result, pixels, field);
+    compare_patches(calibration, pixels);
     if (stamp_ns < next_field_ns_) return;
     next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
     fields_.push_back({stamp_ns, chain_ns, field});
@@ -133,35 +132,22 @@ class PhotometricLog {
   }
 
  private:
-  struct Levels {
-    double raw = 0, calibrated = 0;
-  };
-  using Patches = std::unordered_map<std::uint64_t, Levels>;  // by track
+  using Patches = std::unordered_map<std::uint64_t, PatchLevel>;
 
-  void compare_patches(const ImageResult& result, const cv::Mat& pixels, const cv::Mat& field) {
+  void compare_patches(const PhotometricCalibration& calibration, const cv::Mat& pixels) {
     cv::Scalar mean, deviation;
     cv::meanStdDev(pixels, mean, deviation);
-    const GainOffset& map = result.calibrated->map;
+    const double gain = calibration.map().gain;
     Patches now;
-    const cv::Rect whole({0, 0}, pixels.size());
-    for (const TrackedFeature& feature : result.frame.features) {
-      const cv::Point at(static_cast<int>(std::lround(feature.pixel.x())),
-                         static_cast<int>(std::lround(feature.pixel.y())));
-      const cv::Rect patch = cv::Rect(at.x - kPatchRadius, at.y - kPatchRadius,
-                                      2 * kPatchRadius + 1, 2 * kPatchRadius + 1) &
-                             whole;
-      if (patch.empty()) continue;
-      const double raw = cv::mean(pixels(patch))[0];
-      now[feature.track_id] = {raw, map(raw) - cv::mean(field(patch))[0]};
-    }
+    for (const PatchLevel& level : calibration.patch_levels()) now[level.patch_id] = level;
     if (past_.size() == kResidualLag && deviation[0] > 0) {
-      for (const auto& [track, before] : past_.back()) {
-        const auto found = now.find(track);
+      for (const auto& [patch, before] : past_.back()) {
+        const auto found = now.find(patch);
         if (found == now.end()) continue;
-        const Levels& levels = found->second;
+        const PatchLevel& levels = found->second;
         raw_residuals_.push_back(std::abs(levels.raw - before.raw) / deviation[0]);
         calibrated_residuals_.push_back(std::abs(levels.calibrated - before.calibrated) /
-                                        (map.gain * deviation[0]));
+                                        (gain * deviation[0]));
       }
     }
     past_.push_front(std::move(now));

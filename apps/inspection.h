@@ -62,8 +62,9 @@ struct Inspection {
   std::optional<InspectedFlight> calibrated;  // of a thermal camera
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
   std::vector<FieldRecord> fields;            // twice a second
-  // |difference| between a patch's mean and that ten images before, in standard deviations of the
-  // image, median over the flight; of the same patches in raw and in calibrated levels.
+  // |difference| between a track's patch, its mean, and that ten images before, in standard
+  // deviations of the image, median over the flight; of the same patches in raw and in calibrated
+  // levels. Patches are warped with their tracks: the same piece of the scene.
   std::optional<double> raw_residual, calibrated_residual;
 };
 

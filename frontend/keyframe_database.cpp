@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "frontend/depth_refinement.h"
+
 namespace covey {
 namespace {
 
@@ -14,23 +16,6 @@ double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
 
 double way_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   return (a.translation() - b.translation()).norm();
-}
-
-struct InverseDepth {
-  double value = 0, sigma = 0;  // 1/m
-};
-
-// Of a feature of another camera, in this one: z = d r_z + t_z along the ray r of depth 1 there.
-// Nothing if it is not known or behind this one.
-std::optional<InverseDepth> depth_in(const Eigen::Isometry3d& T_this_other,
-                                     const KeyframeFeature& feature) {
-  if (!(feature.inverse_depth > 0)) return std::nullopt;
-  const Eigen::Vector3d ray = T_this_other.linear() * feature.bearing.homogeneous();
-  const double d = 1 / feature.inverse_depth;
-  const double z = d * ray.z() + T_this_other.translation().z();
-  if (!(z > 0)) return std::nullopt;
-  const double sigma_d = d * d * feature.inverse_depth_sigma;
-  return InverseDepth{1 / z, std::abs(ray.z()) * sigma_d / (z * z)};
 }
 
 }  // namespace
@@ -78,27 +63,6 @@ bool is_worth_asking(const KeyframeRule& rule, const std::optional<KeyframePose>
          is_keyframe(rule, *last_asked, newest.stamp_ns, newest.T_world_cam, mean_depth);
 }
 
-void refine_depths(Keyframe& older, const Keyframe& newer) {
-  const Eigen::Isometry3d T_older_newer = older.pose.T_world_cam.inverse() * newer.pose.T_world_cam;
-  int known = 0, refined = 0;
-  auto seen = newer.features.begin();
-  for (KeyframeFeature& feature : older.features) {
-    known += feature.inverse_depth > 0 ? 1 : 0;
-    while (seen != newer.features.end() && seen->track_id < feature.track_id) ++seen;
-    if (seen == newer.features.end() || seen->track_id != feature.track_id) continue;
-    const std::optional<InverseDepth> depth = depth_in(T_older_newer, *seen);
-    if (!depth) continue;
-    if (feature.inverse_depth > 0 && depth->sigma >= feature.inverse_depth_sigma) continue;
-    feature.inverse_depth = depth->value;
-    feature.inverse_depth_sigma = depth->sigma;
-    ++refined;
-  }
-  const Eigen::Isometry3d& here = older.pose.T_world_cam;
-  const bool longer =
-      way_between(here, newer.pose.T_world_cam) > way_between(here, older.before.T_world_cam);
-  if (2 * refined > known && longer) older.before = newer.pose;
-}
-
 KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
   if (config.capacity < config.protected_newest + 2) {
     throw std::runtime_error(
@@ -113,7 +77,8 @@ void KeyframeDatabase::add(Keyframe keyframe) {
   }
   const std::size_t newest = std::min(keyframes_.size(), config_.protected_newest);
   for (std::size_t i = keyframes_.size() - newest; i < keyframes_.size(); ++i) {
-    refine_depths(keyframes_[i], keyframe);
+    refine_depths(keyframes_[i], keyframe,
+                  [](const KeyframeFeature& feature) { return feature.track_id; });
   }
   keyframes_.push_back(std::move(keyframe));
 }

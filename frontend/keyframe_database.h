@@ -75,12 +75,6 @@ template <typename Keyframes>
   return keyframes.front().pose;
 }
 
-// A track that is seen for longer gets a better depth: what the newer keyframe knows of the tracks
-// that both see goes into the older one, as far as it is surer. Where that were most of its
-// landmarks, their depths have been measured on the way from one to the other, if it is longer than
-// the way since `before`: then that is the newer one.
-void refine_depths(Keyframe& older, const Keyframe& newer);
-
 // Bounded. When full, of the two keyframes with the most similar views the newer one goes
 // (landmarks drift less the earlier they were mapped), so that a place stays as long as it is the
 // only view of its surroundings. The newest keyframes are spared, because peers may still be

@@ -195,6 +195,7 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
   gain_.restart({});
   field_.reset();
   stripes_.doubt();
+  seen_.clear();
   last_seen_.clear();
   rebuild_bias();
   tone_.reset();
@@ -233,12 +234,12 @@ FieldAt PhotometricCalibration::field_at() const {
 
 void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (blind_) return;
-  const std::vector<TrackGrey> seen = look(tracks);
-  if (config_.temporal) gain_.add(stamp_ns_, seen, field_at(), like_the_first());
+  seen_ = look(tracks);
+  if (config_.temporal) gain_.add(stamp_ns_, seen_, field_at(), like_the_first());
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
   const bool refreshes = config_.spatial || config_.stripes;
-  if (refreshes && since_s >= config_.field.refresh_s) refresh(seen, since_s);
+  if (refreshes && since_s >= config_.field.refresh_s) refresh(since_s);
   if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
   if (seconds_between(checked_ns_, stamp_ns_) >= config_.bad_pixels.interval_s) {
     checked_ns_ = stamp_ns_;
@@ -248,16 +249,16 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
 
 // What the field did to the patches since they were last looked at, and the stripes to the image
 // if the scene has moved on.
-void PhotometricCalibration::refresh(std::vector<TrackGrey> seen, double elapsed_s) {
+void PhotometricCalibration::refresh(double elapsed_s) {
   refreshed_ns_ = stamp_ns_;
-  const std::vector<FieldDifference> found = differences(last_seen_, seen);
+  const std::vector<FieldDifference> found = differences(last_seen_, seen_);
   if (config_.spatial) field_.update(elapsed_s, found);
   travelled_px_ += median_travel(found);
   if (config_.stripes && travelled_px_ >= config_.stripe.travel_px) {
     travelled_px_ = 0;
     stripes_.look(sensor_levels());
   }
-  last_seen_ = std::move(seen);
+  last_seen_ = seen_;
   rebuild_bias();
 }
 
@@ -367,6 +368,16 @@ cv::Mat PhotometricCalibration::field() const {
   cv::Mat field;
   field_.image(kLevelsPerSigma).convertTo(field, CV_32F, sigma_ / kLevelsPerSigma);
   return field;
+}
+
+std::vector<PatchLevel> PhotometricCalibration::patch_levels() const {
+  const FieldAt field = field_at();
+  std::vector<PatchLevel> levels;
+  levels.reserve(seen_.size());
+  for (const TrackGrey& seen : seen_) {
+    levels.push_back({seen.patch_id, seen.grey, map()(seen.grey) - field(seen.pixel)});
+  }
+  return levels;
 }
 
 }  // namespace covey

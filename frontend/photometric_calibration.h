@@ -52,6 +52,13 @@ struct CalibratedImage {
   cv::Mat pixels;       // CV_8UC1; empty when it shows no scene
 };
 
+// Mean of a track's patch, warped with it.
+struct PatchLevel {
+  std::uint64_t patch_id = 0;
+  double raw = 0;         // grey levels of the image
+  double calibrated = 0;  // grey levels of the chain's first image, without the field
+};
+
 class PhotometricCalibration {
  public:
   PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size);
@@ -67,6 +74,8 @@ class PhotometricCalibration {
   [[nodiscard]] const GainOffset& map() const { return gain_.latest(); }
   // The additive field, CV_32FC1, in grey levels of the chain's first image.
   [[nodiscard]] cv::Mat field() const;
+  // Of the tracks in the last image that was observed, rising ids.
+  [[nodiscard]] std::vector<PatchLevel> patch_levels() const;
   [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_; }
 
  private:
@@ -77,7 +86,7 @@ class PhotometricCalibration {
   [[nodiscard]] FieldAt field_at() const;
   [[nodiscard]] std::vector<FieldDifference> differences(const std::vector<TrackGrey>& before,
                                                          const std::vector<TrackGrey>& now) const;
-  void refresh(std::vector<TrackGrey> seen, double elapsed_s);
+  void refresh(double elapsed_s);
   [[nodiscard]] cv::Mat sensor_levels() const;
   void rebuild_bias();
   void find_bad_pixels(const cv::Mat& image);
@@ -99,7 +108,8 @@ class PhotometricCalibration {
   double centre_ = 0, sigma_ = 1;     // of the chain's first image, grey levels
   std::vector<std::int16_t> table_;   // image's grey level to calibrated level
   cv::Mat bias_;                      // CV_16SC1, field and stripes, calibrated levels
-  std::vector<TrackGrey> last_seen_;  // at the last refresh; by patch
+  std::vector<TrackGrey> seen_;       // in the last image; by patch
+  std::vector<TrackGrey> last_seen_;  // at the last refresh
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
 };

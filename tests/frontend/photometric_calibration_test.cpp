@@ -8,7 +8,9 @@
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <utility>
+#include <vector>
 
+#include "estimator/median.h"
 #include "sim/field_slope.h"
 #include "tests/frontend/synthetic_thermal.h"
 
@@ -134,6 +136,33 @@ TEST(PhotometricCalibration, MatchedPatchesDifferAThirdAsMuchAsInRawImages) {
   camera.advance();
   const auto [raw_now, now] = look(1.1);
   EXPECT_LT(3 * residual(before, now), residual(raw_before, raw_now));
+}
+
+TEST(PhotometricCalibration, LevelsOfPatchesStayWhileTheirGreySwings) {
+  SyntheticThermal camera(6);
+  PhotometricCalibration calibration(free_gain(), kImage);
+  fly(camera, calibration, 200);
+  const auto look = [&](double gain) {
+    camera.gain = gain;
+    (void)calibration.correct(camera.stamp_ns(), camera.expose(), camera.tracks());
+    calibration.observe(camera.tracks());
+    camera.advance();
+    return calibration.patch_levels();
+  };
+  const std::vector<PatchLevel> before = look(0.9);
+  for (int k = 1; k < 10; ++k) look(0.9 + 0.02 * k);
+  std::vector<double> raw, calibrated;
+  for (const PatchLevel& now : look(1.1)) {
+    const auto same =
+        std::find_if(before.begin(), before.end(),
+                     [&](const PatchLevel& level) { return level.patch_id == now.patch_id; });
+    if (same == before.end()) continue;
+    raw.push_back(std::abs(now.raw - same->raw));
+    calibrated.push_back(std::abs(now.calibrated - same->calibrated));
+  }
+  ASSERT_GT(raw.size(), 100u);
+  EXPECT_GT(median(raw), 10);
+  EXPECT_LT(median(calibrated), 1.5);
 }
 
 TEST(PhotometricCalibration, ReplacesHotPixelsAndNoOthers) {
