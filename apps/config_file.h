@@ -86,7 +86,7 @@ struct ThermalConfig {
   double time_constant_s = 0;
   // As TrackerConfig has it for other images. Pixels that lag and a pattern that stands still do
   // not show in how well a patch fits.
-  double aligned_scale = 10;
+  double aligned_scale = 7;
   PhotometricConfig photometric;
 };
 

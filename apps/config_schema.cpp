@@ -119,6 +119,8 @@ void visit_tracker(TrackerConfig& tracker, ConfigVisitor& v) {
            "[px] of one that is followed, beside what its alignment claims");
   v.number("aligned_scale", tracker.aligned_scale, {0, 1000},
            "by which errors are larger than an alignment claims");
+  v.number("lasting_scale", tracker.lasting_scale, {1, 1000},
+           "by how much more where a track is used in every image, since errors last");
   v.count("pyramid_levels", tracker.pyramid_levels, {1, 8}, "the image itself and its halves");
   v.count("predicted_levels", tracker.predicted_levels, {1, 8},
           "of them, tried first for a track whose motion is known");

@@ -19,6 +19,7 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   EstimatorConfig estimator = config.estimator;
   estimator.imu_noise = sensors.imu_noise;
   estimator.extrinsics = sensors.extrinsics;
+  estimator.slam_noise_scale = config.tracker.lasting_scale;
   if (sensors.thermal && sensors.extrinsics.time_offset_s == 0) {
     estimator.extrinsics.time_offset_s = -config.thermal.time_constant_s;
   }

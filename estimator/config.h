@@ -36,8 +36,11 @@ struct EstimatorConfig {
   int max_clones = 11;                   // M: keyframes kept; the present image comes on top
   int max_slam_features = 40;            // N: inverse-depth landmarks in the state
   int max_msckf_features = 40;           // in one update, the longest tracks first
-  double observation_noise_scale = 1.0;  // times TrackObservation::sigma
-  double gate_confidence = 0.99;         // share of good features that pass the chi-square gate
+  double observation_noise_scale = 1.0;  // times the sigmas of TrackObservation::covariance
+  // Times those again where a track is a SLAM feature. It is used in every image: what its errors
+  // have in common with those of the images before counts each time anew.
+  double slam_noise_scale = 1.0;
+  double gate_confidence = 0.99;  // share of good features that pass the chi-square gate
 
   // A new keyframe when rotation-free motion of the tracks since the last one exceeds the parallax,
   // or when fewer than this share of the tracks was seen in it.

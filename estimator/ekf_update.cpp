@@ -49,12 +49,12 @@ void EkfUpdate::add_innovation(const Block& block, int first_row, Rows&& S) cons
   }
 }
 
-double EkfUpdate::last_distance() const {
+double EkfUpdate::last_distance(double variance) const {
   using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor,
                                kMaxGatedRows, kMaxGatedRows>;
   const Block& last = blocks_.back();
   assert(last.rows <= kMaxGatedRows);
-  Square S = Square::Identity(last.rows, last.rows);
+  Square S = variance * Square::Identity(last.rows, last.rows);
   add_innovation(last, last.row, S);
   const auto r = r_.segment(last.row, last.rows);
   return r.dot(S.selfadjointView<Eigen::Lower>().ldlt().solve(r));

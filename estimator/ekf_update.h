@@ -35,10 +35,10 @@ class EkfUpdate {
   // Adds rows r = H dx + n, n ~ N(0, I).
   void add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,
            const Eigen::Ref<const Eigen::VectorXd>& r, const Columns& columns);
-  // Of the rows added last: their squared Mahalanobis distance (at most kMaxGatedRows rows), and
-  // how to take them out again when they are gated.
+  // Of the rows added last: their squared Mahalanobis distance (at most kMaxGatedRows rows) were
+  // their noise of this variance, and how to take them out again when they are gated.
   static constexpr int kMaxGatedRows = 9;
-  [[nodiscard]] double last_distance() const;
+  [[nodiscard]] double last_distance(double variance = 1) const;
   void drop_last();
   // False when the innovation covariance is not positive definite: nothing is changed then.
   [[nodiscard]] bool apply(State& state);

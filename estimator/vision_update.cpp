@@ -102,17 +102,19 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
 void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>& observations,
                                UpdateReport& report) {
   const int clone_index = static_cast<int>(state.clones().size()) - 1;
+  const double noise_scale = config_.observation_noise_scale * config_.slam_noise_scale;
+  // Does it fit? That is a matter of this image alone, however long its errors last.
+  const double one_sight = 1 / (config_.slam_noise_scale * config_.slam_noise_scale);
   slam_update_.begin(state);
   for (const TrackObservation& observation : observations) {
     const int landmark = state.find_landmark(observation.track_id);
     if (landmark < 0) continue;
-    const SlamRows rows =
-        slam_rows(state, landmark, clone_index, observation.bearing,
-                  whitening(observation.covariance) / config_.observation_noise_scale);
+    const SlamRows rows = slam_rows(state, landmark, clone_index, observation.bearing,
+                                    whitening(observation.covariance) / noise_scale);
     bool gated = true;
     if (rows.valid) {
       slam_update_.add(state, rows.H.leftCols(rows.width), rows.r, rows.columns);
-      gated = slam_update_.last_distance() > gate_.limit(2);
+      gated = slam_update_.last_distance(one_sight) > gate_.limit(2);
       if (gated) slam_update_.drop_last();
     }
     state.count_gated(landmark, gated);

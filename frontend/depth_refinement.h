@@ -41,8 +41,8 @@ void refine_depths(Keyframe& older, const Keyframe& newer, const Order& order) {
     known += feature.inverse_depth > 0 ? 1 : 0;
     while (seen != newer.features.end() && order(*seen) < order(feature)) ++seen;
     if (seen == newer.features.end() || seen->track_id != feature.track_id) continue;
-    const std::optional<InverseDepth> depth = depth_in(
-        T_older_newer, seen->bearing, {seen->inverse_depth, seen->inverse_depth_sigma});
+    const std::optional<InverseDepth> depth =
+        depth_in(T_older_newer, seen->bearing, {seen->inverse_depth, seen->inverse_depth_sigma});
     if (!depth) continue;
     if (feature.inverse_depth > 0 && depth->sigma >= feature.inverse_depth_sigma) continue;
     feature.inverse_depth = depth->value;

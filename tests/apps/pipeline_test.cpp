@@ -214,7 +214,9 @@ TEST(Pipeline, NotAboutEachKeyframeIsAsked) {
 
 // Its clock too may begin again: ids and stamps alone would pass for an earlier part of the flight.
 TEST(Pipeline, OfAPeerWhoseQuestionsCountFromTheBeginningAgainNothingIsKept) {
-  Drone one("uav0", FlightMode::kCollaborative), other("uav1", FlightMode::kCollaborative);
+  const KeyframeRule each{0, 0, 0};
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
+  Drone other("uav1", FlightMode::kCollaborative);
   const DriftFilter& known = *one.pipeline().team_knowledge();
   for (std::size_t i = 0; i < one.images(); ++i) {
     const ImageResult mine = one.fly(i);

@@ -153,9 +153,9 @@ TEST(PhotometricCalibration, LevelsOfPatchesStayWhileTheirGreySwings) {
   for (int k = 1; k < 10; ++k) look(0.9 + 0.02 * k);
   std::vector<double> raw, calibrated;
   for (const PatchLevel& now : look(1.1)) {
-    const auto same =
-        std::find_if(before.begin(), before.end(),
-                     [&](const PatchLevel& level) { return level.patch_id == now.patch_id; });
+    const auto same = std::find_if(before.begin(), before.end(), [&](const PatchLevel& level) {
+      return level.patch_id == now.patch_id;
+    });
     if (same == before.end()) continue;
     raw.push_back(std::abs(now.raw - same->raw));
     calibrated.push_back(std::abs(now.calibrated - same->calibrated));
