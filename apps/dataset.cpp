@@ -242,8 +242,8 @@ std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_
   return state;
 }
 
-Trajectory to_trajectory(const GroundTruth& truth) {
-  Trajectory trajectory;
+StampedPoses to_trajectory(const GroundTruth& truth) {
+  StampedPoses trajectory;
   for (const TrueState& state : truth.states) {
     trajectory.push_back({state.stamp_ns, state.pose});
   }

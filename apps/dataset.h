@@ -64,7 +64,7 @@ struct Dataset {
 
 // Ground truth between two states: linear, slerp for attitude. Nothing outside the recording.
 [[nodiscard]] std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns);
-[[nodiscard]] Trajectory to_trajectory(const GroundTruth& truth);
+[[nodiscard]] StampedPoses to_trajectory(const GroundTruth& truth);
 
 // Grey pixels, CV_8UC1 or CV_16UC1, of the camera's size; an error names the image.
 [[nodiscard]] cv::Mat read_image(const ImageEntry& image, int width, int height);

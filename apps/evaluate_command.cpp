@@ -62,8 +62,8 @@ std::vector<StampedCovariance> covariances_of(const Options& options) {
   return read_covariances(beside);
 }
 
-std::vector<PosePair> associated(const Options& options, const Trajectory& estimate,
-                                 const Trajectory& truth) {
+std::vector<PosePair> associated(const Options& options, const StampedPoses& estimate,
+                                 const StampedPoses& truth) {
   AssociationOptions association;
   association.method =
       options.association == "nearest" ? Association::kNearest : Association::kInterpolate;
@@ -77,7 +77,7 @@ std::vector<PosePair> associated(const Options& options, const Trajectory& estim
 }
 
 Result evaluate(const Options& options) {
-  const Trajectory estimate = read_trajectory(options.estimate_file);
+  const StampedPoses estimate = read_trajectory(options.estimate_file);
   Result result;
   result.estimate_size = estimate.size();
   result.pairs = associated(options, estimate, read_trajectory(options.truth_file));

@@ -26,7 +26,7 @@ constexpr TimeNs kSameStampNs = 1000;  // TUM files carry stamps as decimal seco
 constexpr std::size_t kFewestPairs = 3;  // below, an alignment fits anything
 
 // "from 12.000 s to 34.000 s"
-std::string span(const Trajectory& trajectory) {
+std::string span(const StampedPoses& trajectory) {
   if (trajectory.empty()) return "nowhere (it is empty)";
   char text[96];
   std::snprintf(text, sizeof text, "from %.3f s to %.3f s",
@@ -37,8 +37,8 @@ std::string span(const Trajectory& trajectory) {
 
 bool stamp_less(const StampedPose& pose, TimeNs stamp_ns) { return pose.stamp_ns < stamp_ns; }
 
-std::vector<PosePair> associate_interpolated(const Trajectory& estimate, const Trajectory& truth,
-                                             double max_gap_s) {
+std::vector<PosePair> associate_interpolated(const StampedPoses& estimate,
+                                             const StampedPoses& truth, double max_gap_s) {
   std::vector<PosePair> pairs;
   for (const StampedPose& pose : estimate) {
     const auto after = std::lower_bound(truth.begin(), truth.end(), pose.stamp_ns, stamp_less);
@@ -61,7 +61,7 @@ std::vector<PosePair> associate_interpolated(const Trajectory& estimate, const T
 }
 
 // The closest stamps find each other first, and each is used once.
-std::vector<PosePair> associate_nearest(const Trajectory& estimate, const Trajectory& truth,
+std::vector<PosePair> associate_nearest(const StampedPoses& estimate, const StampedPoses& truth,
                                         double max_difference_s) {
   std::vector<std::tuple<TimeNs, std::size_t, std::size_t>> candidates;
   const TimeNs reach_ns = nanoseconds(max_difference_s);
@@ -200,7 +200,7 @@ double normalized_squared(const Eigen::Vector3d& error, const Eigen::Matrix3d& c
 
 }  // namespace
 
-std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& truth,
+std::vector<PosePair> associate(const StampedPoses& estimate, const StampedPoses& truth,
                                 const AssociationOptions& options) {
   std::vector<PosePair> pairs = options.method == Association::kNearest
                                     ? associate_nearest(estimate, truth, options.max_difference_s)
@@ -310,7 +310,7 @@ std::optional<Nees> nees(const std::vector<PosePair>& pairs,
   return Nees{sums.samples, sums.position / sums.samples, sums.orientation / sums.samples};
 }
 
-double path_length_m(const Trajectory& trajectory) {
+double path_length_m(const StampedPoses& trajectory) {
   double length_m = 0;
   for (std::size_t i = 1; i < trajectory.size(); ++i) {
     length_m += (trajectory[i].pose.p_world_imu - trajectory[i - 1].pose.p_world_imu).norm();

@@ -34,7 +34,8 @@ struct AssociationOptions {
 };
 
 // Throws when fewer than three poses match: no figure can be made of that, least of all a zero.
-[[nodiscard]] std::vector<PosePair> associate(const Trajectory& estimate, const Trajectory& truth,
+[[nodiscard]] std::vector<PosePair> associate(const StampedPoses& estimate,
+                                              const StampedPoses& truth,
                                               const AssociationOptions& options);
 
 enum class Alignment { kNone, kPosYaw, kSe3, kSim3 };
@@ -98,7 +99,7 @@ struct PoseError {
 };
 [[nodiscard]] PoseError pose_error(const PosePair& pair);
 
-[[nodiscard]] double path_length_m(const Trajectory& trajectory);
+[[nodiscard]] double path_length_m(const StampedPoses& trajectory);
 [[nodiscard]] double path_length_m(const std::vector<PosePair>& pairs);  // of the truth
 
 }  // namespace covey

@@ -53,7 +53,7 @@ struct InspectedFlight {
   std::vector<Eigen::Vector2d> tracks;  // s since the first image, number of tracks
   double mean_tracks = 0, mean_length = 0;
   int repeated_images = 0, uniform_images = 0, filter_restarts = 0;
-  Trajectory path;  // empty when the filter never started
+  StampedPoses path;  // empty when the filter never started
 };
 
 struct Inspection {

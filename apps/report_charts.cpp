@@ -42,7 +42,7 @@ Chart time_chart(const RunData& data, int columns, const std::string& title,
   return chart;
 }
 
-Curve path_of(const Trajectory& trajectory, int axis_x, int axis_y) {
+Curve path_of(const StampedPoses& trajectory, int axis_x, int axis_y) {
   Curve curve;
   for (const StampedPose& pose : trajectory) {
     curve.points.emplace_back(pose.pose.p_world_imu[axis_x], pose.pose.p_world_imu[axis_y]);

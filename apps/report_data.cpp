@@ -48,7 +48,7 @@ class PartReader {
 // Truth and covariances are only looked at where the estimate is; both may be absent.
 void evaluate(const std::string& name, const PartReader& read, AgentRun& agent) {
   if (agent.truth.empty()) return;
-  const auto pairs_of = [&](const Trajectory& trajectory) -> std::vector<PosePair> {
+  const auto pairs_of = [&](const StampedPoses& trajectory) -> std::vector<PosePair> {
     if (trajectory.empty()) return {};
     try {
       return associate(trajectory, agent.truth, AssociationOptions());
@@ -110,7 +110,7 @@ void set_span(RunData& data) {
 // A recorded ground truth may be longer than the flight.
 void cut_truth(RunData& data) {
   for (AgentRun& agent : data.agents) {
-    Trajectory during;
+    StampedPoses during;
     for (const StampedPose& pose : agent.truth) {
       if (pose.stamp_ns >= data.start_ns && pose.stamp_ns <= data.end_ns) during.push_back(pose);
     }

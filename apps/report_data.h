@@ -19,9 +19,9 @@ namespace covey {
 struct AgentRun {
   std::string name;
   AgentSummary summary;
-  Trajectory estimate;
-  Trajectory alone;  // flown without the others, RUN/solo
-  Trajectory truth;  // during this run only
+  StampedPoses estimate;
+  StampedPoses alone;  // flown without the others, RUN/solo
+  StampedPoses truth;  // during this run only
   std::vector<StampedCovariance> covariances;
   std::vector<TimingRecord> timings;
   std::vector<LinkRecord> link;

@@ -320,7 +320,7 @@ RunSummary read_run_summary(const std::filesystem::path& file) {
   return run_summary_from_json(read_json_file(file), file.string());
 }
 
-AccuracySummary summarize_accuracy(const Trajectory& estimate, const Trajectory& truth,
+AccuracySummary summarize_accuracy(const StampedPoses& estimate, const StampedPoses& truth,
                                    const std::vector<StampedCovariance>& covariances) {
   const std::vector<PosePair> pairs = associate(estimate, truth, AssociationOptions());
   const AbsoluteError none = absolute_error(pairs, Alignment::kNone);

@@ -104,8 +104,8 @@ void write_run_summary(const std::filesystem::path& file, const RunSummary& run)
 [[nodiscard]] RunSummary read_run_summary(const std::filesystem::path& file);
 
 // Every figure that follows from an estimate and its ground truth. Throws when they do not overlap.
-[[nodiscard]] AccuracySummary summarize_accuracy(const Trajectory& estimate,
-                                                 const Trajectory& truth,
+[[nodiscard]] AccuracySummary summarize_accuracy(const StampedPoses& estimate,
+                                                 const StampedPoses& truth,
                                                  const std::vector<StampedCovariance>& covariances);
 // Means of the stages that took any time at all.
 [[nodiscard]] StageSummary summarize_stages(const std::vector<TimingRecord>& timings);

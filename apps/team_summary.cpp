@@ -37,14 +37,14 @@ AgentSummary from_timings(const std::vector<TimingRecord>& timings) {
   return summary;
 }
 
-std::optional<Trajectory> ground_truth_of(const DroneFolder& drone) {
+std::optional<StampedPoses> ground_truth_of(const DroneFolder& drone) {
   const fs::path file = drone.mav0 / "state_groundtruth_estimate0" / "data.csv";
   if (!fs::exists(file)) return std::nullopt;
   return to_trajectory(read_ground_truth(file));
 }
 
 // Empty before the drone has started.
-Trajectory estimate_in(const fs::path& folder) {
+StampedPoses estimate_in(const fs::path& folder) {
   const fs::path file = folder / kTrajectoryFile;
   std::ifstream stream(file);
   std::string line;
@@ -72,7 +72,7 @@ LevelFrame frame_from(const nlohmann::json& json) {
 }
 
 // The truth as the drone's own world has it, which lies at its start if it knows no other.
-Trajectory in_own_world(Trajectory truth, const fs::path& agent_summary) {
+StampedPoses in_own_world(StampedPoses truth, const fs::path& agent_summary) {
   if (!fs::exists(agent_summary)) return truth;
   const LevelFrame own = frame_from(read_json_file(agent_summary).at("own_world"));
   const Eigen::Quaterniond turn(
@@ -85,8 +85,8 @@ Trajectory in_own_world(Trajectory truth, const fs::path& agent_summary) {
 }
 
 void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& summary) {
-  const Trajectory estimate = estimate_in(folder);
-  std::optional<Trajectory> truth = ground_truth_of(drone);
+  const StampedPoses estimate = estimate_in(folder);
+  std::optional<StampedPoses> truth = ground_truth_of(drone);
   if (truth) truth = in_own_world(*std::move(truth), folder / kAgentSummaryFile);
   if (truth) write_tum(folder / kGroundTruthFile, *truth);
   if (estimate.empty()) {

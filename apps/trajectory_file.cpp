@@ -31,10 +31,10 @@ StampedPose read_tum_pose(const CsvReader& reader) {
 
 }  // namespace
 
-Trajectory read_trajectory(const std::filesystem::path& file) {
+StampedPoses read_trajectory(const std::filesystem::path& file) {
   const CsvReader::Separator separator = separator_of(file);
   CsvReader reader(file, separator);
-  Trajectory trajectory;
+  StampedPoses trajectory;
   while (reader.next()) {
     const StampedPose pose =
         separator == CsvReader::Separator::kComma ? read_euroc_pose(reader) : read_tum_pose(reader);
@@ -93,7 +93,7 @@ std::string covariance_line(const StampedCovariance& sample) {
   return line;
 }
 
-void write_tum(const std::filesystem::path& file, const Trajectory& trajectory) {
+void write_tum(const std::filesystem::path& file, const StampedPoses& trajectory) {
   LineWriter writer(file, kTumHeader);
   for (const StampedPose& pose : trajectory) writer.write_line(tum_line(pose));
   writer.close();

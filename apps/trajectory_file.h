@@ -17,7 +17,7 @@ struct StampedPose {
   Pose pose;
 };
 
-using Trajectory = std::vector<StampedPose>;  // stamps strictly increasing
+using StampedPoses = std::vector<StampedPose>;  // stamps strictly increasing
 
 // Of [dp dtheta]: dp in world (m), dtheta local (rad), as Odometry::pose_covariance.
 struct StampedCovariance {
@@ -26,7 +26,7 @@ struct StampedCovariance {
 };
 
 // Throws std::runtime_error with file and line on anything that is not a trajectory.
-[[nodiscard]] Trajectory read_trajectory(const std::filesystem::path& file);
+[[nodiscard]] StampedPoses read_trajectory(const std::filesystem::path& file);
 [[nodiscard]] std::vector<StampedCovariance> read_covariances(const std::filesystem::path& file);
 
 inline constexpr char kTumHeader[] = "# t[s] x[m] y[m] z[m] qx qy qz qw";
@@ -37,7 +37,7 @@ inline constexpr char kCovarianceHeader[] =
 [[nodiscard]] std::string tum_line(const StampedPose& pose);
 [[nodiscard]] std::string covariance_line(const StampedCovariance& sample);
 
-void write_tum(const std::filesystem::path& file, const Trajectory& trajectory);
+void write_tum(const std::filesystem::path& file, const StampedPoses& trajectory);
 void write_covariances(const std::filesystem::path& file,
                        const std::vector<StampedCovariance>& covariances);
 

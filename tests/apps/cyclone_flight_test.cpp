@@ -73,7 +73,7 @@ Told told_by(CycloneClient& client) {
   return told;
 }
 
-void expect_flown(const json& odometry, const Trajectory& trajectory) {
+void expect_flown(const json& odometry, const StampedPoses& trajectory) {
   const auto flown = std::find_if(trajectory.begin(), trajectory.end(), [&](const auto& pose) {
     return pose.stamp_ns == odometry["stamp_ns"];
   });

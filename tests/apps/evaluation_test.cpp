@@ -22,8 +22,8 @@ using testing::ThrowsMessage;
 constexpr double kDegree = M_PI / 180;
 
 // A lap that uses all axes, 10 Hz, `seconds` long.
-Trajectory lap(double seconds) {
-  Trajectory trajectory;
+StampedPoses lap(double seconds) {
+  StampedPoses trajectory;
   for (int i = 0; i * 0.1 <= seconds; ++i) {
     const double t = i * 0.1;
     const Eigen::Vector3d p(3 * std::cos(t), 2 * std::sin(t), 0.5 * std::sin(2 * t));
@@ -33,8 +33,8 @@ Trajectory lap(double seconds) {
 }
 
 // `truth` as an estimator would see it whose world differs by `similarity`.
-Trajectory moved(const Trajectory& truth, const Similarity& similarity) {
-  Trajectory estimate = truth;
+StampedPoses moved(const StampedPoses& truth, const Similarity& similarity) {
+  StampedPoses estimate = truth;
   for (StampedPose& pose : estimate) pose.pose = transform(similarity, pose.pose);
   return estimate;
 }
@@ -44,7 +44,7 @@ Similarity similarity(double scale, const Eigen::Vector3d& theta, const Eigen::V
 }
 
 TEST(Evaluation, EachAlignmentRemovesWhatItIsFor) {
-  const Trajectory truth = lap(6);
+  const StampedPoses truth = lap(6);
   const struct {
     Similarity difference;
     Alignment alignment;
@@ -64,8 +64,8 @@ TEST(Evaluation, EachAlignmentRemovesWhatItIsFor) {
 }
 
 TEST(Evaluation, AMirroredTrajectoryIsNotMirroredBack) {
-  const Trajectory truth = lap(6);
-  Trajectory estimate = truth;
+  const StampedPoses truth = lap(6);
+  StampedPoses estimate = truth;
   for (StampedPose& pose : estimate) pose.pose.p_world_imu.z() *= -1;
   const auto pairs = associate(estimate, truth, {});
   EXPECT_NEAR(align(pairs, Alignment::kSe3).R_truth_estimate.determinant(), 1, 1e-9);
@@ -73,8 +73,8 @@ TEST(Evaluation, AMirroredTrajectoryIsNotMirroredBack) {
 }
 
 TEST(Evaluation, AKnownOffsetIsTheErrorWithoutAlignment) {
-  const Trajectory truth = lap(6);
-  Trajectory estimate = truth;
+  const StampedPoses truth = lap(6);
+  StampedPoses estimate = truth;
   for (StampedPose& pose : estimate) {
     pose.pose.p_world_imu += Eigen::Vector3d(0.3, 0, -0.4);
     pose.pose.q_world_imu = pose.pose.q_world_imu * exp_quaternion({0, 2 * kDegree, 0});
@@ -95,9 +95,10 @@ TEST(Evaluation, StatisticsAreThoseOfThePopulation) {
 }
 
 TEST(Evaluation, InterpolationPutsTheTruthAtTheEstimatesStamps) {
-  const Trajectory truth = {{0, {{0, 0, 0}, Eigen::Quaterniond::Identity()}},
-                            {100000000, {{1, 0, 0}, exp_quaternion({0, 0, 1})}}};
-  const Trajectory estimate = {{-1, {}}, {0, {}}, {25000000, {}}, {100000000, {}}, {100000001, {}}};
+  const StampedPoses truth = {{0, {{0, 0, 0}, Eigen::Quaterniond::Identity()}},
+                              {100000000, {{1, 0, 0}, exp_quaternion({0, 0, 1})}}};
+  const StampedPoses estimate = {
+      {-1, {}}, {0, {}}, {25000000, {}}, {100000000, {}}, {100000001, {}}};
   const auto pairs = associate(estimate, truth, {});
   ASSERT_EQ(pairs.size(), 3u);
   EXPECT_NEAR(pairs[1].truth.p_world_imu.x(), 0.25, 1e-12);
@@ -105,8 +106,8 @@ TEST(Evaluation, InterpolationPutsTheTruthAtTheEstimatesStamps) {
 }
 
 TEST(Evaluation, NobodyInterpolatesOverAHoleInTheTruth) {
-  Trajectory truth = lap(6);
-  const Trajectory estimate = truth;
+  StampedPoses truth = lap(6);
+  const StampedPoses estimate = truth;
   truth.erase(truth.begin() + 20, truth.begin() + 30);
   EXPECT_EQ(associate(estimate, truth, {}).size(), estimate.size() - 10);
 }
@@ -125,8 +126,8 @@ TEST(Evaluation, NearestStampsMatchOneToOneAndTheClosestFirst) {
 }
 
 TEST(Evaluation, ATruthThatDoesNotOverlapIsAnError) {
-  const Trajectory truth = lap(6);
-  Trajectory late = truth;
+  const StampedPoses truth = lap(6);
+  StampedPoses late = truth;
   for (StampedPose& pose : late) pose.stamp_ns += 1000000000000;
   for (const Association method : {Association::kInterpolate, Association::kNearest}) {
     AssociationOptions options;
@@ -140,15 +141,15 @@ TEST(Evaluation, ATruthThatDoesNotOverlapIsAnError) {
 }
 
 TEST(Evaluation, RelativeErrorsDoNotCareForTheWorldFrame) {
-  const Trajectory truth = lap(6);
+  const StampedPoses truth = lap(6);
   const auto pairs = associate(moved(truth, similarity(1, {0.5, -1, 2}, {1, 2, 3})), truth, {});
   EXPECT_LT(relative_error_over_distance(pairs, 2)->position_m.max, 1e-9);
   EXPECT_LT(relative_error_over_time(pairs, 1)->rotation_deg.max, 1e-6);
 }
 
 TEST(Evaluation, RelativeErrorsMeasureDrift) {
-  Trajectory truth;
-  Trajectory estimate;
+  StampedPoses truth;
+  StampedPoses estimate;
   for (int i = 0; i <= 100; ++i) {
     truth.push_back({nanoseconds(0.1 * i), {{0.1 * i, 0, 0}, Eigen::Quaterniond::Identity()}});
     estimate.push_back({nanoseconds(0.1 * i), {{0.102 * i, 0, 0}, Eigen::Quaterniond::Identity()}});
@@ -195,7 +196,7 @@ TEST(Evaluation, AnHonestCovarianceHasANeesOfThree) {
 }
 
 TEST(Evaluation, NeesNeedsCovariancesThatBelongToThePoses) {
-  const Trajectory truth = lap(1);
+  const StampedPoses truth = lap(1);
   const auto pairs = associate(truth, truth, {});
   EXPECT_FALSE(nees(pairs, {}).has_value());
   EXPECT_FALSE(nees(pairs, {{5, Matrix6d::Identity()}}).has_value());
@@ -266,7 +267,7 @@ TEST_F(EvaluateCommand, PrintsATableOrJson) {
 }
 
 TEST_F(EvaluateCommand, NamesBothFilesWhenTheyDoNotOverlap) {
-  Trajectory late = lap(6);
+  StampedPoses late = lap(6);
   for (StampedPose& pose : late) pose.stamp_ns += 1000000000000;
   write_tum(folder_.path() / "truth.tum", lap(6));
   write_tum(folder_.path() / "estimate.tum", late);

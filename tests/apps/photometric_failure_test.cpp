@@ -5,7 +5,9 @@
 // pipeline; minutes without optimisation.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <opencv2/core.hpp>
@@ -102,6 +104,28 @@ cv::Mat scaled(const cv::Mat& grey, double gain) {
 TEST(PhotometricFailure, AGainWrongByAThirdEveryOtherImageIsNotMistakenForMotion) {
   expect_honest(mean_honesty(
       [](const cv::Mat& grey, int number) { return scaled(grey, number % 2 == 0 ? 1.3 : 0.7); }));
+}
+
+// A field that was learnt wrongly and drifts on: low waves of 20 grey levels, which cross the image
+// in four seconds and turn over every second.
+cv::Mat under_a_wrong_field(const cv::Mat& grey, int number) {
+  constexpr double kRate = 15, kAmplitude = 20;
+  const double seconds = number / kRate;
+  const double amplitude = kAmplitude * std::cos(M_PI * seconds);
+  cv::Mat wrong(grey.size(), CV_8U);
+  for (int y = 0; y < grey.rows; ++y) {
+    const double down = std::cos(M_PI * y / grey.rows);
+    for (int x = 0; x < grey.cols; ++x) {
+      const double across = std::sin(2 * M_PI * (static_cast<double>(x) / grey.cols - seconds / 4));
+      wrong.at<std::uint8_t>(y, x) =
+          cv::saturate_cast<std::uint8_t>(grey.at<std::uint8_t>(y, x) + amplitude * across * down);
+    }
+  }
+  return wrong;
+}
+
+TEST(PhotometricFailure, AFieldThatIsOffAndMovesIsNotMistakenForMotion) {
+  expect_honest(mean_honesty(under_a_wrong_field));
 }
 
 }  // namespace

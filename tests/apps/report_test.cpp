@@ -52,7 +52,7 @@ void write_flight(const fs::path& folder, double offset_m) {
 }
 
 void write_truth(const fs::path& folder) {
-  Trajectory truth;
+  StampedPoses truth;
   for (int i = 0; i < kImages; ++i) truth.push_back({stamp_of(i), pose_at(i, 0)});
   write_tum(folder / kGroundTruthFile, truth);
 }
@@ -206,7 +206,7 @@ TEST_F(Report, NamesABrokenFileAndDrawsTheRest) {
 }
 
 TEST_F(Report, SaysWhenTruthAndEstimateDoNotOverlap) {
-  Trajectory other;
+  StampedPoses other;
   for (int i = 0; i < 9; ++i) other.push_back({TimeNs{1000000000} * (i + 1), {}});
   write_tum(run() / "uav0" / kGroundTruthFile, other);
   EXPECT_THAT(drawn(), HasSubstr("<li>uav0: only 0 poses match in time"));

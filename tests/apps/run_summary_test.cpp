@@ -170,8 +170,8 @@ TEST(RunSummary, StagesThatNeverRanHaveNoMean) {
 }
 
 TEST(RunSummary, AccuracyFollowsFromEstimateTruthAndCovariances) {
-  Trajectory truth;
-  Trajectory estimate;
+  StampedPoses truth;
+  StampedPoses estimate;
   std::vector<StampedCovariance> covariances;
   for (TimeNs i = 0; i < 20; ++i) {
     const double x = static_cast<double>(i);

@@ -18,7 +18,7 @@ using testing::ThrowsMessage;
 
 class TrajectoryFile : public testing::Test {
  protected:
-  Trajectory read(const std::string& content) const {
+  StampedPoses read(const std::string& content) const {
     return read_trajectory(folder_.write("trajectory.txt", content));
   }
   void expect_refused(const std::string& content, const std::string& one,
@@ -31,9 +31,9 @@ class TrajectoryFile : public testing::Test {
 };
 
 TEST_F(TrajectoryFile, TumAndEurocAreToldApartByContent) {
-  const Trajectory tum = read("# t x y z qx qy qz qw\n1.5 1 2 3 0 0 1 0\n");
-  const Trajectory euroc = read("#timestamp,x\n1500000000,1,2,3,0,0,0,1,9,9,9\n");
-  for (const Trajectory& trajectory : {tum, euroc}) {
+  const StampedPoses tum = read("# t x y z qx qy qz qw\n1.5 1 2 3 0 0 1 0\n");
+  const StampedPoses euroc = read("#timestamp,x\n1500000000,1,2,3,0,0,0,1,9,9,9\n");
+  for (const StampedPoses& trajectory : {tum, euroc}) {
     ASSERT_EQ(trajectory.size(), 1u);
     EXPECT_EQ(trajectory[0].stamp_ns, 1500000000);
     EXPECT_EQ(trajectory[0].pose.p_world_imu, Eigen::Vector3d(1, 2, 3));
@@ -43,7 +43,7 @@ TEST_F(TrajectoryFile, TumAndEurocAreToldApartByContent) {
 }
 
 TEST_F(TrajectoryFile, SecondsKeepTheirNanoseconds) {
-  const Trajectory trajectory = read(
+  const StampedPoses trajectory = read(
       "1403636579.763555527 0 0 0 0 0 0 1\n"
       "1.403636579813555479e+09 0 0 0 0 0 0 1\n");
   EXPECT_EQ(trajectory[0].stamp_ns, 1403636579763555527);
@@ -55,11 +55,11 @@ TEST_F(TrajectoryFile, CommentsBlankLinesTabsAndWindowsEndsAreNoMistake) {
 }
 
 TEST_F(TrajectoryFile, WhatIsWrittenIsReadBack) {
-  Trajectory written;
+  StampedPoses written;
   written.push_back({1403636579763555527, {{1.25, -2.5, 3}, {0.5, 0.5, -0.5, 0.5}}});
   written.push_back({1403636579800000001, {{0, 0, 0}, {1, 0, 0, 0}}});
   write_tum(folder_.path() / "out.tum", written);
-  const Trajectory read = read_trajectory(folder_.path() / "out.tum");
+  const StampedPoses read = read_trajectory(folder_.path() / "out.tum");
   ASSERT_EQ(read.size(), 2u);
   EXPECT_EQ(read[0].stamp_ns, written[0].stamp_ns);
   EXPECT_EQ(read[1].stamp_ns, written[1].stamp_ns);
@@ -118,7 +118,7 @@ TEST_F(TrajectoryFile, OdometryIsWrittenAsTrajectoryAndCovariance) {
   OdometryWriter writer(folder_.path());
   writer.write(odometry);
   writer.close();
-  const Trajectory trajectory = read_trajectory(folder_.path() / kTrajectoryFile);
+  const StampedPoses trajectory = read_trajectory(folder_.path() / kTrajectoryFile);
   const auto covariances = read_covariances(folder_.path() / kCovarianceFile);
   ASSERT_EQ(trajectory.size(), 1u);
   ASSERT_EQ(covariances.size(), 1u);
