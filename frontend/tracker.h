@@ -29,9 +29,9 @@ struct TrackerConfig {
   // Standard deviation of a corner, px: one that was just found; one that is followed, beside what
   // its alignment claims; and by how much that is to be larger. Errors are as large as claimed, but
   // last: .7 of them are still there in the next image and .25 after ten (rendered flights, true
-  // poses), and the filter takes them for noise that does not. A few times as far apart as
-  // keyframes are, that matters little; one image after the other it makes the sum of a track's
-  // errors `lasting_scale` times larger (the root of 1 + 2 sum of the correlations is 2.4 to 3.9).
+  // poses), and the filter takes them for noise that does not. Between keyframes little is left of
+  // them; where a track is used in every image they add up to `lasting_scale` times as much (the
+  // root of 1 + 2 sum of the correlations, 2.4 to 3.9).
   double pixel_sigma = 0.3;
   double aligned_sigma = 0.07;
   double aligned_scale = 3;

@@ -28,7 +28,7 @@ constexpr double kCorrelation = 0.85;  // with the image before, 30 images a sec
 
 void add_lasting_errors(DroneFeatures& drone, double sigma, std::uint64_t seed) {
   Random random(seed, 0x1a57);
-  const auto draw = [&] { return Eigen::Vector2d(random.gaussian(), random.gaussian()); };
+  const auto draw = [&] { return Eigen::Vector2d(random.gaussian_vector().head<2>()); };
   std::unordered_map<std::uint64_t, Eigen::Vector2d> errors;  // by track, of sigma 1
   for (CameraMeasurement& image : drone.camera) {
     for (TrackObservation& track : image.tracks) {

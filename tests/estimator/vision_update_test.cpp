@@ -23,23 +23,32 @@ Eigen::Vector2d expected_bearing(const State& state, const SlamLandmark& landmar
 // A window with one SLAM feature.
 struct Window {
   FilledWindow filled = filled_window(3);
-  VisionUpdate vision{filled.config, filled.state.capacity()};
+  VisionUpdate vision;
 
-  Window() {
+  explicit Window(double slam_noise_scale = 1)
+      : vision(scaled(filled.config, slam_noise_scale), filled.state.capacity()) {
     UpdateReport report;
     const std::vector<const Track*> candidates{&filled.tracks.front()};
     EXPECT_EQ(vision.update_tracks(filled.state, {}, candidates, 1, report).size(), 1U);
   }
+  static EstimatorConfig scaled(EstimatorConfig config, double slam_noise_scale) {
+    config.slam_noise_scale = slam_noise_scale;
+    return config;
+  }
   [[nodiscard]] Eigen::Vector2d expected() const {
     return expected_bearing(filled.state, filled.state.landmarks().front());
   }
-  // By how much the expected bearing moves when the feature is seen `off` from it.
-  Eigen::Vector2d moved_by(const Eigen::Vector2d& off, const Eigen::Matrix2d& covariance) {
-    const Eigen::Vector2d before = expected();
+  // The feature is seen `off` from where it is expected.
+  UpdateReport see(const Eigen::Vector2d& off, const Eigen::Matrix2d& covariance) {
     UpdateReport report;
     const std::uint64_t id = filled.state.landmarks().front().track_id;
-    vision.update_slam(filled.state, {{id, before + off, covariance}}, report);
-    EXPECT_EQ(report.slam_used, 1);
+    vision.update_slam(filled.state, {{id, expected() + off, covariance}}, report);
+    return report;
+  }
+  // By how much the expected bearing moves then.
+  Eigen::Vector2d moved_by(const Eigen::Vector2d& off, const Eigen::Matrix2d& covariance) {
+    const Eigen::Vector2d before = expected();
+    EXPECT_EQ(see(off, covariance).slam_used, 1);
     return expected() - before;
   }
 };
@@ -54,6 +63,23 @@ TEST(VisionUpdate, ABearingCountsInTheDirectionInWhichItIsSure) {
   const Eigen::Vector2d moved = Window().moved_by(off, covariance);
   EXPECT_GT(moved.dot(sure), 0.9 * off.dot(sure));
   EXPECT_LT(std::abs(moved.dot(unsure)), 0.3 * off.dot(unsure));
+}
+
+TEST(VisionUpdate, SlamFeaturesAreAsUncertainAsErrorsThatLastMakeThem) {
+  const Eigen::Matrix2d covariance = 1e-6 * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d off(3e-4, -2e-4);
+  const Eigen::Vector2d moved = Window(3).moved_by(off, covariance);
+  EXPECT_LT((moved - Window(1).moved_by(off, 9 * covariance)).norm(), 1e-9);
+  EXPECT_LT(moved.norm(), 0.9 * Window(1).moved_by(off, covariance).norm());
+}
+
+// 20 px: nothing that a sigma of a tenth allows for, however much that is enlarged for lasting.
+TEST(VisionUpdate, WhetherASlamFeatureFitsIsAMatterOfOneSight) {
+  const Eigen::Matrix2d covariance = 5e-8 * Eigen::Matrix2d::Identity();
+  const Eigen::Vector2d off(0.05, 0);
+  EXPECT_EQ(Window(1).see(off, covariance).slam_gated, 1);
+  EXPECT_EQ(Window(1000).see(off, covariance).slam_gated, 1);
+  EXPECT_EQ(Window(1).see(off, 1e6 * covariance).slam_gated, 0);
 }
 
 }  // namespace
