@@ -58,12 +58,8 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
   Drone& self = drones_[drone];
   const KeyframePose before =
       measured_since(self.keyframes, keyframe.pose, config_.limits.depth_memory_s);
-  const std::size_t newest =
-      std::min<std::size_t>(self.keyframes.size(), config_.limits.database.protected_newest);
-  for (std::size_t i = self.keyframes.size() - newest; i < self.keyframes.size(); ++i) {
-    refine_depths(self.keyframes[i], keyframe,
-                  [](const FlownFeature& feature) { return feature.landmark; });
-  }
+  refine_newest(self.keyframes, config_.limits.database.protected_newest, keyframe,
+                [](const FlownFeature& feature) { return feature.landmark; });
   self.keyframes.push_back(keyframe);
   self.keyframes.back().before = before;
 }

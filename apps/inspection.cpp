@@ -116,11 +116,10 @@ class PhotometricLog {
     const TimeNs chain_ns = result.calibrated->chain_ns;
     if (result.calibrated->restarted) past_.clear();
     gains_.push_back({stamp_ns, chain_ns, calibration.map()});
-    const cv::Mat field = calibration.field();
     compare_patches(calibration, pixels);
     if (stamp_ns < next_field_ns_) return;
     next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
-    fields_.push_back({stamp_ns, chain_ns, field});
+    fields_.push_back({stamp_ns, chain_ns, calibration.field()});
   }
 
   void move_into(Inspection& inspection) {

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cstddef>
 #include <optional>
 
 #include "estimator/measurements.h"
@@ -50,6 +52,14 @@ void refine_depths(Keyframe& older, const Keyframe& newer, const Order& order) {
     ++refined;
   }
   older.before = measured_on_the_way_to(older.pose, older.before, newer.pose, known, refined);
+}
+
+// The newest `count` of keyframes that rise with time.
+template <typename Keyframes, typename Keyframe, typename Order>
+void refine_newest(Keyframes& keyframes, std::size_t count, const Keyframe& newer,
+                   const Order& order) {
+  const std::size_t kept = keyframes.size() - std::min(keyframes.size(), count);
+  for (std::size_t i = kept; i < keyframes.size(); ++i) refine_depths(keyframes[i], newer, order);
 }
 
 }  // namespace covey

@@ -75,11 +75,8 @@ void KeyframeDatabase::add(Keyframe keyframe) {
   if (keyframes_.size() >= config_.capacity) {
     keyframes_.erase(keyframes_.begin() + static_cast<std::ptrdiff_t>(most_redundant()));
   }
-  const std::size_t newest = std::min(keyframes_.size(), config_.protected_newest);
-  for (std::size_t i = keyframes_.size() - newest; i < keyframes_.size(); ++i) {
-    refine_depths(keyframes_[i], keyframe,
-                  [](const KeyframeFeature& feature) { return feature.track_id; });
-  }
+  refine_newest(keyframes_, config_.protected_newest, keyframe,
+                [](const KeyframeFeature& feature) { return feature.track_id; });
   keyframes_.push_back(std::move(keyframe));
 }
 

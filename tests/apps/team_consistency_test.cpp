@@ -13,17 +13,13 @@
 
 #include "apps/feature_team.h"
 #include "estimator/relative_pose.h"
+#include "tests/estimator/enough_for_statistics.h"
 
 namespace covey {
 namespace {
 
-#ifdef NDEBUG
-constexpr int kSeeds = 50, kFewSeeds = 12;
-constexpr bool kEnoughForStatistics = true;
-#else
-constexpr int kSeeds = 2, kFewSeeds = 1;  // unoptimised builds look for crashes only
-constexpr bool kEnoughForStatistics = false;
-#endif
+constexpr int kSeeds = kEnoughForStatistics ? 50 : 2;
+constexpr int kFewSeeds = kEnoughForStatistics ? 12 : 1;
 constexpr int kThreads = 2;
 constexpr std::size_t kDrones = 4, kBadPeer = 3;
 constexpr std::size_t kBins = 8;  // of time

@@ -13,13 +13,7 @@
 namespace covey {
 namespace {
 
-#ifdef NDEBUG
-constexpr int kSeeds = 12;
-constexpr bool kEnoughForStatistics = true;
-#else
-constexpr int kSeeds = 1;  // unoptimised and sanitized builds look for crashes only
-constexpr bool kEnoughForStatistics = false;
-#endif
+constexpr int kSeeds = kEnoughForStatistics ? 12 : 1;
 constexpr double kSettled_s = 3;
 
 // Means over the seeds, after the start.

@@ -16,13 +16,7 @@
 namespace covey {
 namespace {
 
-#ifdef NDEBUG
-constexpr int kSeeds = 60;
-constexpr bool kEnoughForStatistics = true;
-#else
-constexpr int kSeeds = 4;  // unoptimised and sanitized builds look for crashes and divergence only
-constexpr bool kEnoughForStatistics = false;
-#endif
+constexpr int kSeeds = kEnoughForStatistics ? 60 : 4;
 constexpr int kThreads = 2;
 constexpr double kDuration_s = 12;
 constexpr int kBins = 8;  // of time

@@ -14,6 +14,7 @@
 #include "estimator/so3.h"
 #include "sim/feature_simulation.h"
 #include "sim/random.h"
+#include "tests/estimator/enough_for_statistics.h"
 
 namespace covey {
 

@@ -16,13 +16,7 @@
 namespace covey {
 namespace {
 
-#ifdef NDEBUG
-constexpr int kFlights = 24;
-constexpr bool kEnoughForStatistics = true;
-#else
-constexpr int kFlights = 1;  // unoptimised and sanitized builds look for crashes only
-constexpr bool kEnoughForStatistics = false;
-#endif
+constexpr int kFlights = kEnoughForStatistics ? 24 : 1;
 constexpr double kFreshPixels = 0.05, kLastingPixels = 0.2;
 constexpr double kCorrelation = 0.85;  // with the image before, 30 images a second
 

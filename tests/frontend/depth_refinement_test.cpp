@@ -6,33 +6,16 @@
 #include <cmath>
 #include <cstdint>
 
-#include "frontend/keyframe_database.h"
-#include "synthetic_places.h"
+#include "synthetic_keyframes.h"
 
 namespace covey {
 namespace {
 
+using testing::feature;
+using testing::keyframe;
 using testing::level_camera;
 
-Keyframe keyframe(std::uint64_t id, const Eigen::Vector3d& p_world_cam) {
-  Keyframe result;
-  result.pose.keyframe_id = id;
-  result.pose.T_world_cam = level_camera(p_world_cam);
-  return result;
-}
-
 std::uint64_t by_track(const KeyframeFeature& feature) { return feature.track_id; }
-
-KeyframeFeature feature(std::uint64_t track, const Eigen::Vector3d& p_world, const Keyframe& from,
-                        double relative_sigma) {
-  const Eigen::Vector3d p_cam = from.pose.T_world_cam.inverse() * p_world;
-  KeyframeFeature result;
-  result.track_id = track;
-  result.bearing = p_cam.hnormalized();
-  result.inverse_depth = 1 / p_cam.z();
-  result.inverse_depth_sigma = relative_sigma * result.inverse_depth;
-  return result;
-}
 
 TEST(RefineDepths, SurerDepthsOfTheSameTracksReplaceOldOnes) {
   const Eigen::Vector3d p(10, 1, 0.5);

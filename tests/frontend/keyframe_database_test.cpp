@@ -6,21 +6,14 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "synthetic_places.h"
+#include "synthetic_keyframes.h"
 
 namespace covey {
 namespace {
 
+using testing::feature;
+using testing::keyframe;
 using testing::level_camera;
-
-Keyframe keyframe(std::uint64_t id, const Eigen::Vector3d& p_world_cam) {
-  Keyframe result;
-  result.pose.keyframe_id = id;
-  result.pose.stamp_ns = nanoseconds(static_cast<double>(id));
-  result.pose.T_world_cam = level_camera(p_world_cam);
-  result.mean_depth = 10;
-  return result;
-}
 
 TEST(MeanDepth, AveragesDepthsNotInverseDepths) {
   const auto depth = mean_depth({{1, 1.0 / 5, 0.01}, {2, 1.0 / 15, 0.01}}, 0.5);
@@ -103,14 +96,8 @@ TEST(KeyframeDatabase, IsBoundedAndKeepsOldPlaces) {
 TEST(KeyframeDatabase, ANewKeyframeRefinesThoseBeforeIt) {
   const Eigen::Vector3d p(10, 1, 0.5);
   Keyframe older = keyframe(1, {0, 0, 0}), newer = keyframe(2, {2, 0, 0});
-  for (Keyframe* seeing : {&older, &newer}) {
-    const double depth = (seeing->pose.T_world_cam.inverse() * p).z();
-    KeyframeFeature feature;
-    feature.track_id = 3;
-    feature.inverse_depth = 1 / depth;
-    feature.inverse_depth_sigma = (seeing == &older ? 0.2 : 0.02) / depth;
-    seeing->features = {feature};
-  }
+  older.features = {feature(3, p, older, 0.2)};
+  newer.features = {feature(3, p, newer, 0.02)};
   KeyframeDatabase database({30, 20});
   database.add(older);
   database.add(newer);
