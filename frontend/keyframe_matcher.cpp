@@ -237,11 +237,12 @@ std::vector<KeyframeMatcher::FoundLandmark> KeyframeMatcher::look_for(
   const auto image = std::find_if(images_.rbegin(), images_.rend(),
                                   [&](const auto& known) { return known.first == own_keyframe; });
   if (image == images_.rend()) return found;
+  const Eigen::Vector3d up = other.pose.T_world_cam.linear().row(2);
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     const PeerLandmark& landmark = landmarks[i];
     if (landmark.patch == LandmarkPatch{}) continue;
     const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
-                            other.patch_spacing};
+                            other.patch_spacing, up};
     const auto patch =
         find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
     if (patch) found.push_back({i, *patch});

@@ -174,6 +174,77 @@ std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace
   return std::nullopt;
 }
 
+// A landmark as the own camera would see it.
+struct Sight {
+  Eigen::Vector3d p_own = Eigen::Vector3d::Zero();  // over its depth in the other camera
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d J_bearing = Eigen::Matrix2d::Zero();  // of the pixel by the own bearing
+};
+
+std::optional<Sight> sight_of(const SeenLandmark& seen, const Eigen::Isometry3d& T_own_other,
+                              const CameraIntrinsics& camera) {
+  constexpr double kMinDepth = 0.1, kMaxBearing = 2.0;
+  Sight sight;
+  sight.p_own = T_own_other.linear() * seen.bearing.homogeneous() +
+                seen.inverse_depth * T_own_other.translation();
+  if (!(sight.p_own.z() > kMinDepth) || sight.p_own.hnormalized().norm() > kMaxBearing) {
+    return std::nullopt;
+  }
+  sight.pixel = project(camera, sight.p_own.hnormalized(), &sight.J_bearing);
+  return sight;
+}
+
+// Normals, in the other camera, of what a landmark may be part of: a plane that faces that camera,
+// level ground, or an upright wall that is seen from one side or the other.
+std::array<Eigen::Vector3d, 4> surfaces_of(const SeenLandmark& seen) {
+  constexpr double kAside = 0.8;  // rad
+  const Eigen::Vector3d b = seen.bearing.homogeneous();
+  const Eigen::Vector3d straight = std::cos(kAside) * (b - b.dot(seen.up) * seen.up).normalized();
+  const Eigen::Vector3d aside = std::tan(kAside) * seen.up.cross(straight);
+  return {Eigen::Vector3d::UnitZ(), seen.up, straight + aside, straight - aside};
+}
+
+// Where the patch lies if its surface is a plane with this normal, of unit length. Nothing where
+// that is seen along the plane.
+std::optional<PatchPlace> place_on(const SeenLandmark& seen, const Sight& sight,
+                                   const Eigen::Isometry3d& T_own_other,
+                                   const Eigen::Vector3d& normal) {
+  constexpr double kGrazing = 0.05;  // sine of the angle
+  const Eigen::Vector3d b = seen.bearing.homogeneous();
+  const double facing = normal.dot(b);
+  if (!(std::abs(facing) > kGrazing * b.norm())) return std::nullopt;
+  // On the plane the inverse depth grows as normal.dot(bearing) does.
+  const Eigen::Matrix<double, 3, 2> J_p =
+      T_own_other.linear().leftCols<2>() +
+      seen.inverse_depth / facing * T_own_other.translation() * normal.head<2>().transpose();
+  const Eigen::Vector3d& p = sight.p_own;
+  Eigen::Matrix<double, 2, 3> J_own_bearing;
+  J_own_bearing << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
+  PatchPlace place;
+  place.pixel = sight.pixel;
+  place.affine = sight.J_bearing * J_own_bearing * J_p * (seen.spacing / p.z());
+  return place;
+}
+
+// The same in the image itself, whichever level suits.
+std::optional<Fit> find(const Template& patch, const ImagePyramid& image, PatchPlace place,
+                        const PatchSearchConfig& config) {
+  // Seen from nearer by, the samples lie far apart: a coarser image fits them.
+  const double apart = std::sqrt(std::abs(place.affine.determinant()));
+  const int coarsest = static_cast<int>(image.levels.size()) - 1;
+  const int level =
+      std::clamp(static_cast<int>(std::lround(std::log2(apart / config.spacing_px))), 0, coarsest);
+  const double scale = 1 << level;
+  place.pixel /= scale;
+  place.affine /= scale;
+  std::optional<Fit> fit = align(patch, image.levels[static_cast<std::size_t>(level)], place,
+                                 config.max_shift_px / scale);
+  if (!fit || fit->correlation < config.min_correlation) return std::nullopt;
+  fit->pixel *= scale;
+  fit->covariance *= scale * scale;
+  return fit;
+}
+
 }  // namespace
 
 std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
@@ -193,35 +264,23 @@ std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
                                               const SeenLandmark& seen,
                                               const Eigen::Isometry3d& T_other_own,
                                               const PatchSearchConfig& config) {
-  const Eigen::Matrix3d R = T_other_own.linear().transpose();
-  const Eigen::Vector3d q =
-      R * (seen.bearing.homogeneous() - seen.inverse_depth * T_other_own.translation());
-  constexpr double kMinDepth = 0.1, kMaxBearing = 2.0;
-  if (!(q.z() > kMinDepth) || q.hnormalized().norm() > kMaxBearing) return std::nullopt;
-  Eigen::Matrix2d J_pixel;
-  PatchPlace grid;
-  grid.pixel = project(camera, q.hnormalized(), &J_pixel);
-  Eigen::Matrix<double, 2, 3> J_bearing;
-  J_bearing << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
-  grid.affine = J_pixel * J_bearing * R.leftCols<2>() * (seen.spacing / q.z());
-
-  // Seen from nearer by, the samples lie far apart: a coarser image fits them.
-  const double apart = std::sqrt(std::abs(grid.affine.determinant()));
-  const int coarsest = static_cast<int>(image.levels.size()) - 1;
-  const int level =
-      std::clamp(static_cast<int>(std::lround(std::log2(apart / config.spacing_px))), 0, coarsest);
-  const double scale = 1 << level;
-  grid.pixel /= scale;
-  grid.affine /= scale;
+  const Eigen::Isometry3d T_own_other = T_other_own.inverse();
+  const std::optional<Sight> sight = sight_of(seen, T_own_other, camera);
+  if (!sight) return std::nullopt;
   const std::optional<Template> patch = template_of(*seen.patch);
   if (!patch) return std::nullopt;
-  const auto fit = align(*patch, image.levels[static_cast<std::size_t>(level)], grid,
-                         config.max_shift_px / scale);
-  if (!fit || fit->correlation < config.min_correlation) return std::nullopt;
-  const std::optional<Eigen::Vector2d> bearing = unproject(camera, fit->pixel * scale);
+  std::optional<Fit> best;
+  for (const Eigen::Vector3d& normal : surfaces_of(seen)) {
+    const std::optional<PatchPlace> place = place_on(seen, *sight, T_own_other, normal);
+    if (!place) continue;
+    const std::optional<Fit> fit = find(*patch, image, *place, config);
+    if (fit && (!best || fit->correlation > best->correlation)) best = fit;
+  }
+  if (!best) return std::nullopt;
+  const std::optional<Eigen::Vector2d> bearing = unproject(camera, best->pixel);
   if (!bearing) return std::nullopt;
-  const Eigen::Matrix2d to_bearing = scale * J_pixel.inverse();
-  return FoundPatch{*bearing, to_bearing * fit->covariance * to_bearing.transpose()};
+  const Eigen::Matrix2d to_bearing = sight->J_bearing.inverse();
+  return FoundPatch{*bearing, to_bearing * best->covariance * to_bearing.transpose()};
 }
 
 }  // namespace covey

@@ -35,7 +35,8 @@ struct SeenLandmark {
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   double inverse_depth = 0;  // 1/m
   const LandmarkPatch* patch = nullptr;
-  double spacing = 0;  // of the patch, normalised plane
+  double spacing = 0;                              // of the patch, normalised plane
+  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();  // unit vertical, in the other camera
 };
 
 struct FoundPatch {
@@ -47,8 +48,9 @@ struct FoundPatch {
 };
 
 // Where it is in the own image, by inverse compositional alignment (Baker and Matthews, 2004) of
-// the patch, warped as a plane that faces the other camera; gain and offset of the brightness are
-// free. Nothing where it is out of sight, farther off than expected or looks different.
+// the patch, warped as a plane that faces the other camera, as level ground or as an upright wall,
+// whichever looks most like it; gain and offset of the brightness are free. Nothing where it is out
+// of sight, farther off than expected or looks different.
 [[nodiscard]] std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
                                                             const CameraIntrinsics& camera,
                                                             const SeenLandmark& seen,

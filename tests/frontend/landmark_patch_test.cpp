@@ -42,25 +42,31 @@ double wall(double x, double y) {
          b * ((1 - a) * lattice(i, k + 1) + a * lattice(i + 1, k + 1));
 }
 
-// How the wall z = kDepth of the other camera looks from the own one.
+// How a wall looks from the own camera. It stands kDepth before the other one, at right angles to
+// where that looks unless it is turned.
 struct Look {
   double gain = 1, offset = 0;
-  double stretch = 1;  // of the texture, upwards
-  double noise = 0;    // grey levels
+  double stretch = 1;                                          // of the texture, upwards
+  double noise = 0;                                            // grey levels
+  Eigen::Matrix3d R_other_wall = Eigen::Matrix3d::Identity();  // z: its normal
 };
 
 ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, const Look& look = {}) {
   Random random(3, 0x9a7c);
   const CameraIntrinsics cam = camera();
   cv::Mat image(cam.height, cam.width, CV_8UC1);
+  Eigen::Isometry3d T_wall_other = Eigen::Isometry3d::Identity();
+  T_wall_other.linear() = look.R_other_wall.transpose();
+  T_wall_other.translation() = -(T_wall_other.linear() * Eigen::Vector3d(0, 0, kDepth));
+  const Eigen::Isometry3d T_wall_own = T_wall_other * T_other_own;
   for (int v = 0; v < cam.height; ++v) {
     for (int u = 0; u < cam.width; ++u) {
       const auto bearing = unproject(cam, {u, v});
       double grey = 0;
       if (bearing) {
-        const Eigen::Vector3d ray = T_other_own.linear() * bearing->homogeneous();
-        const double along = (kDepth - T_other_own.translation().z()) / ray.z();
-        const Eigen::Vector3d p = T_other_own.translation() + along * ray;
+        const Eigen::Vector3d ray = T_wall_own.linear() * bearing->homogeneous();
+        const double along = -T_wall_own.translation().z() / ray.z();
+        const Eigen::Vector3d p = T_wall_own.translation() + along * ray;
         grey = look.gain * wall(p.x(), p.y() / look.stretch) + look.offset;
         if (look.noise > 0) grey += look.noise * random.gaussian();
       }
@@ -147,6 +153,55 @@ TEST(LandmarkPatch, SaysHowWellItIsFound) {
   EXPECT_GT(claimed.y(), 2 * claimed.x());
   EXPECT_GT(nees / found, 1.0);
   EXPECT_LT(nees / found, 2 * 9.0) << "errors of more than three times what is claimed";
+}
+
+// From two metres aside, of a wall that is turned: what its surface is makes a difference.
+Search search_turned(const Eigen::Matrix3d& R_other_wall, const Eigen::Vector3d& up) {
+  Look look;
+  look.R_other_wall = R_other_wall;
+  const Eigen::Vector3d normal = R_other_wall.col(2);
+  Eigen::Isometry3d T_other_own = own_pose();
+  T_other_own.translation() = Eigen::Vector3d(2.0, -1.0, 0.5);
+  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity(), look);
+  const ImagePyramid own = see_wall(T_other_own, look);
+  Search result;
+  for (double x = -0.3; x <= 0.3; x += 0.1) {
+    for (double y = -0.2; y <= 0.2; y += 0.1) {
+      const Eigen::Vector3d b(x, y, 1);
+      const auto patch = cut_landmark_patch(other.levels[0], camera(), {x, y}, kSpacing);
+      if (!patch) continue;
+      ++result.tried;
+      const double depth = kDepth * normal.z() / normal.dot(b);
+      const SeenLandmark seen{{x, y}, 1 / depth, &*patch, kSpacing, up};
+      const auto found = find_landmark_patch(own, camera(), seen, T_other_own, {});
+      if (!found) continue;
+      ++result.found;
+      const Eigen::Vector2d truth =
+          project(camera(), (T_other_own.inverse() * (depth * b).eval()).hnormalized());
+      result.near += (project(camera(), found->bearing) - truth).norm() < 0.3 ? 1 : 0;
+    }
+  }
+  return result;
+}
+
+TEST(LandmarkPatch, IsFoundOnTheGround) {
+  const Eigen::Vector3d up = Eigen::Vector3d(0, -0.75, -0.66).normalized();  // looks down
+  Eigen::Matrix3d R_other_ground;
+  R_other_ground << Eigen::Vector3d::UnitX(), up.cross(Eigen::Vector3d::UnitX()), up;
+  const Search result = search_turned(R_other_ground, up);
+  EXPECT_GE(result.tried, 30);
+  EXPECT_GE(result.found, result.tried * 2 / 3);
+  EXPECT_GE(result.near, result.found * 8 / 10);
+}
+
+TEST(LandmarkPatch, IsFoundOnAWallThatIsSeenFromAside) {
+  const Eigen::Vector3d up = -Eigen::Vector3d::UnitY();
+  for (const double turn : {-0.8, 0.8}) {
+    const Search result = search_turned(Eigen::AngleAxisd(turn, up).toRotationMatrix(), up);
+    EXPECT_GE(result.tried, 30);
+    EXPECT_GE(result.found, result.tried * 2 / 3) << turn;
+    EXPECT_GE(result.near, result.found * 8 / 10) << turn;
+  }
 }
 
 TEST(LandmarkPatch, AnotherWallIsNotTakenForIt) {
