@@ -268,6 +268,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("drift_px", c.matching.drift_px, {0, 1e4},
            "[px] by which worlds may look shifted, in a first attempt to match");
   v.count("max_landmarks", c.max_landmarks, {1, 256}, "in an answer");
+  v.number("least_found_share", c.least_found_share, {0, 1},
+           "of the landmarks in sight, while a peer's world is unknown");
   v.number("patch_spacing_px", c.matching.patch.spacing_px, {0.5, 10},
            "[px] between samples of a landmark");
   v.number("patch_max_shift_px", c.matching.patch.max_shift_px, {0.1, 100},

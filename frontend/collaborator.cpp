@@ -299,10 +299,10 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
 
 std::optional<KeyframeMatch> Collaborator::recognise(const Keyframe& newest,
                                                      const PeerKeyframe& old) {
-  auto result = matcher_.match(newest, old);
+  auto result = compare(newest, old);
   auto* match = std::get_if<KeyframeMatch>(&result);
   if (match == nullptr) return std::nullopt;
-  learn_tolerance(old.landmarks, *match);
+  learn_tolerance(old, *match);
   ++report_.revisits;
   return std::move(*match);
 }
@@ -410,11 +410,21 @@ bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
          finds >= kMinShare * static_cast<double>(angles.size());
 }
 
-void Collaborator::learn_tolerance(const std::vector<PeerLandmark>& landmarks,
-                                   const KeyframeMatch& match) {
-  if (match.aligned.empty()) return;
-  tolerance_.learn(viewing_angles(positions_of(landmarks), match.T_other_own, camera_),
+// From where it is sure what is looked at.
+void Collaborator::learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match) {
+  if (match.aligned.empty() || !matcher_.world_of(other.sender)) return;
+  tolerance_.learn(viewing_angles(positions_of(other.landmarks), match.T_other_own, camera_),
                    match.aligned.size());
+}
+
+bool Collaborator::may_be_another_place(const PeerKeyframe& other,
+                                        const KeyframeMatch& match) const {
+  std::vector<PeerLandmark> with_patch;
+  std::copy_if(other.landmarks.begin(), other.landmarks.end(), std::back_inserter(with_patch),
+               [](const PeerLandmark& landmark) { return landmark.patch != LandmarkPatch{}; });
+  const double finds = tolerance_.expected_finds(
+      viewing_angles(positions_of(with_patch), match.T_other_own, camera_));
+  return static_cast<double>(match.aligned.size()) < config_.least_found_share * finds;
 }
 
 // In the own world, as far as it is known where the asker's lies. Its sigma is that of both drones'
@@ -491,7 +501,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
   } else {
     remember(message, std::get<KeyframeMatch>(result));
-    learn_tolerance(message.landmarks, std::get<KeyframeMatch>(result));
+    learn_tolerance(message, std::get<KeyframeMatch>(result));
     ++report_.matched;
     report_.landmark_pairs += static_cast<int>(std::get<KeyframeMatch>(result).matches.size());
   }
@@ -507,7 +517,17 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::find_matches(const PeerKeyfra
   const Keyframe* own = for_all ? newest_image() : find_image(message.request_keyframe_id);
   if (!own) return NoMatch{NoMatchReason::kUnknownRequest};
 
-  return matcher_.match(*own, message);
+  return compare(*own, message);
+}
+
+std::variant<KeyframeMatch, NoMatch> Collaborator::compare(const Keyframe& own,
+                                                           const PeerKeyframe& other) const {
+  std::variant<KeyframeMatch, NoMatch> result = matcher_.match(own, other);
+  const auto* match = std::get_if<KeyframeMatch>(&result);
+  if (match && !matcher_.world_of(other.sender) && may_be_another_place(other, *match)) {
+    return NoMatch{NoMatchReason::kTooFewFound};
+  }
+  return result;
 }
 
 }  // namespace covey

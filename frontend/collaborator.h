@@ -72,6 +72,10 @@ struct CollaboratorConfig {
   double answer_max_difference = 2.0;  // between the views, as far as they are sure
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
   int max_landmarks = 95;              // of an answer; all, if the exchange is not compact
+
+  // Of the landmarks that should be found from the own view, as long as the peer's world is not
+  // known: two places that have something in common differ in the rest.
+  double least_found_share = 0.8;
   KeyframeMatcherConfig matching;
 };
 
@@ -173,6 +177,10 @@ class Collaborator {
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
       const PeerKeyframe& message) const;
+  [[nodiscard]] std::variant<KeyframeMatch, NoMatch> compare(const Keyframe& own,
+                                                             const PeerKeyframe& other) const;
+  [[nodiscard]] bool may_be_another_place(const PeerKeyframe& other,
+                                          const KeyframeMatch& match) const;
   // A keyframe as a peer is told it; the receiver and what it answers are left to fill in.
   [[nodiscard]] PeerKeyframe told(const Keyframe& keyframe,
                                   const std::vector<KeyframeFeature>& landmarks) const;
@@ -183,7 +191,7 @@ class Collaborator {
   // Whether enough of a keyframe's landmarks would be found by who asks.
   [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks,
                                     const Keyframe& keyframe, const CameraView& asked_from) const;
-  void learn_tolerance(const std::vector<PeerLandmark>& landmarks, const KeyframeMatch& match);
+  void learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
   Vocabulary vocabulary_;

@@ -88,9 +88,11 @@ const char* to_string(NoMatchReason reason) {
     case NoMatchReason::kTooFewInliers:
       return "too few geometric inliers";
     case NoMatchReason::kOffsetTooLarge:
+      return "offset between the worlds too large";
+    case NoMatchReason::kTooFewFound:
       break;
   }
-  return "offset between the worlds too large";
+  return "too few landmarks found where they should be";
 }
 
 bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_relative_sigma) {

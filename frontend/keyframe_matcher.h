@@ -52,8 +52,9 @@ enum class NoMatchReason : std::uint8_t {
   kTooFewMatches,   // by descriptor, or in the end
   kTooFewInliers,   // by geometry
   kOffsetTooLarge,  // the two worlds do not agree
+  kTooFewFound,     // of the landmarks in sight: what looks alike may be another place
 };
-inline constexpr std::size_t kNoMatchReasons = 6;
+inline constexpr std::size_t kNoMatchReasons = 7;
 
 struct NoMatch {
   NoMatchReason reason = NoMatchReason::kMalformed;

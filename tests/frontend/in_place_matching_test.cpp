@@ -35,9 +35,9 @@ Collaborator make_drone(const std::string& name, bool common_start = true) {
   return Collaborator(config, visual_vocabulary(), small_camera());
 }
 
-// A keyframe of the wall, with points on a grid whose depths are known.
-PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const CameraPose& pose,
-                 const Eigen::Isometry3d& T_world_cam, unsigned seed) {
+// A keyframe of an image of the wall, with points on a grid whose depths are known.
+PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const cv::Mat& image,
+                 const CameraPose& pose, const Eigen::Isometry3d& T_world_cam, unsigned seed) {
   std::mt19937 random(seed);
   TrackedFrame frame;
   frame.stamp_ns = nanoseconds(seed);
@@ -55,8 +55,13 @@ PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const CameraPose
     }
   }
   (void)drone.wants_keyframe(frame.stamp_ns, T_world_cam);
-  return drone.add_keyframe(frame, build_pyramid(wall.image(pose), 3), T_world_cam,
+  return drone.add_keyframe(frame, build_pyramid(image, 3), T_world_cam,
                             1e-4 * Matrix6d::Identity(), depths);
+}
+
+PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const CameraPose& pose,
+                 const Eigen::Isometry3d& T_world_cam, unsigned seed) {
+  return look(drone, wall, wall.image(pose), pose, T_world_cam, seed);
 }
 
 CameraPose aside() {
@@ -158,6 +163,34 @@ TEST(InPlaceMatching, AnotherWallIsNotTheSame) {
     EXPECT_TRUE(
         std::holds_alternative<NoMatch>(ask(uav0, wall, SlantedPlane(small_camera(), seed))));
   }
+}
+
+// Both look straight at their walls, whose corners have the same descriptors. Left of `border` px
+// the walls are one.
+std::variant<KeyframeMatch, NoMatch> match_walls_alike_until(int border, Collaborator& uav0) {
+  const SlantedPlane wall(small_camera()), another(small_camera(), 100);
+  cv::Mat half = another.image({});
+  wall.image({}).colRange(0, border).copyTo(half.colRange(0, border));
+  Collaborator uav1 = make_drone("uav1");
+  look(uav1, wall, {}, far_world().inverse(), 7);
+  const PlaceAdvert advert = look(uav0, wall, half, {}, Eigen::Isometry3d::Identity(), 7);
+  PeerKeyframe answer = uav1.announcement().value();
+  answer.receiver = "uav0";
+  answer.request_keyframe_id = advert.keyframe_id;
+  return uav0.match(answer);
+}
+
+TEST(InPlaceMatching, APlaceThatHasOnlyHalfInCommonIsTakenForAnotherWhileWorldsAreUnknown) {
+  const int width = small_camera().width;
+  Collaborator stranger = make_drone("uav0", false), aliased = make_drone("uav0", false),
+               acquainted = make_drone("uav0", false);
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(match_walls_alike_until(width, stranger)));
+  const auto refused = match_walls_alike_until(width / 2, aliased);
+  ASSERT_TRUE(std::holds_alternative<NoMatch>(refused));
+  EXPECT_EQ(std::get<NoMatch>(refused).reason, NoMatchReason::kTooFewFound);
+  acquainted.know_world("uav1", far_world());
+  EXPECT_TRUE(
+      std::holds_alternative<KeyframeMatch>(match_walls_alike_until(width / 2, acquainted)));
 }
 
 TEST(InPlaceMatching, APeerInAnotherPlaceThanItSaysIsNotBelieved) {
