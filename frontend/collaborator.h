@@ -60,7 +60,7 @@ struct CollaboratorConfig {
 
   // Revisiting.
   double loop_min_age_s = 5.0;          // s, of an own keyframe
-  double revisit_max_difference = 1.0;  // between the views: way over depth, plus angle (rad)
+  double revisit_max_difference = 1.5;  // between the views: way over depth, plus angle (rad)
   int max_revisits = 4;                 // for one keyframe
   std::size_t remembered = 60;          // peers' keyframes, of about 5 kB
   std::size_t recent_frames = 60;       // images that answers find, besides keyframes, of 14 kB
@@ -69,7 +69,7 @@ struct CollaboratorConfig {
   PlaceMode place_mode = PlaceMode::kCompact;  // of the compact exchange; others: kPaper
   double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
   AnswerLimiter::Config limiter;  // of the compact exchange
-  double answer_max_difference = 2.0;  // between the views, as far as they are sure
+  double answer_max_difference = 3.0;  // between the views, as far as they are sure
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
   int max_landmarks = 95;              // of an answer; all, if the exchange is not compact
 
