@@ -13,6 +13,7 @@ namespace covey {
 namespace {
 
 constexpr double kDepth = 8;  // m, of the wall
+constexpr double kSky = 100;  // m, farther away nothing is seen of a wall that is turned
 constexpr double kSpacing = 1.25 / 455;
 
 CameraIntrinsics camera() {
@@ -67,7 +68,9 @@ ImagePyramid see_wall(const Eigen::Isometry3d& T_other_own, const Look& look = {
         const Eigen::Vector3d ray = T_wall_own.linear() * bearing->homogeneous();
         const double along = -T_wall_own.translation().z() / ray.z();
         const Eigen::Vector3d p = T_wall_own.translation() + along * ray;
-        grey = look.gain * wall(p.x(), p.y() / look.stretch) + look.offset;
+        if (along > 0 && along < kSky) {
+          grey = look.gain * wall(p.x(), p.y() / look.stretch) + look.offset;
+        }
         if (look.noise > 0) grey += look.noise * random.gaussian();
       }
       image.at<std::uint8_t>(v, u) = cv::saturate_cast<std::uint8_t>(grey);
