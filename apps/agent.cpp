@@ -126,7 +126,7 @@ cv::Mat Agent::read(const ImageEntry& image) const {
 
 void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   const double start_ms = thread_cpu_ms();
-  feed_imu(stamp_ns);
+  add_imu_for(stamp_ns, dataset_.imu, next_imu_, pipeline_);
   ImageResult result = pipeline_.add_image(stamp_ns, pixels);
   ++frames_;
   last_ns_ = stamp_ns;
@@ -176,17 +176,6 @@ void Agent::count(TimeNs stamp_ns, ImageContent content) {
     spdlog::info("the camera sees again after {:.2f} s",
                  seconds_between(*blind_since_ns_, stamp_ns));
     blind_since_ns_.reset();
-  }
-}
-
-// Up to one sample past the image's moment.
-void Agent::feed_imu(TimeNs image_stamp_ns) {
-  const TimeNs moment_ns = pipeline_.imu_moment(image_stamp_ns);
-  bool covered = next_imu_ > 0 && dataset_.imu[next_imu_ - 1].stamp_ns > moment_ns;
-  while (!covered && next_imu_ < dataset_.imu.size()) {
-    const ImuSample& sample = dataset_.imu[next_imu_++];
-    pipeline_.add_imu(sample);
-    covered = sample.stamp_ns > moment_ns;
   }
 }
 

@@ -69,7 +69,6 @@ class Agent {
   void finish();
 
  private:
-  void feed_imu(TimeNs image_stamp_ns);
   void handle(const PlaceAdvert& advert);
   void handle(const PeerKeyframe& keyframe);
   void handle(const FullPeerKeyframe& message) { handle(message.keyframe); }

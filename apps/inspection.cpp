@@ -45,13 +45,7 @@ class Observer {
         dataset_(dataset) {}
 
   ImageResult fly(TimeNs stamp_ns, const cv::Mat& pixels) {
-    const TimeNs moment_ns = pipeline_.imu_moment(stamp_ns);
-    bool covered = next_imu_ > 0 && dataset_.imu[next_imu_ - 1].stamp_ns > moment_ns;
-    while (!covered && next_imu_ < dataset_.imu.size()) {
-      const ImuSample& sample = dataset_.imu[next_imu_++];
-      pipeline_.add_imu(sample);
-      covered = sample.stamp_ns > moment_ns;
-    }
+    add_imu_for(stamp_ns, dataset_.imu, next_imu_, pipeline_);
     ImageResult result = pipeline_.add_image(stamp_ns, pixels);
     keep(result);
     return result;

@@ -345,4 +345,15 @@ std::optional<CollaboratorReport> Pipeline::collaboration() const {
   return collaborator_->report();
 }
 
+void add_imu_for(TimeNs image_stamp_ns, const std::vector<ImuSample>& imu, std::size_t& next,
+                 Pipeline& pipeline) {
+  const TimeNs moment_ns = pipeline.imu_moment(image_stamp_ns);
+  bool covered = next > 0 && imu[next - 1].stamp_ns > moment_ns;
+  while (!covered && next < imu.size()) {
+    const ImuSample& sample = imu[next++];
+    pipeline.add_imu(sample);
+    covered = sample.stamp_ns > moment_ns;
+  }
+}
+
 }  // namespace covey

@@ -4,6 +4,7 @@
 // go in; odometry and what is to be sent come out. Not thread-safe; same input, same output.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <opencv2/core/mat.hpp>
@@ -122,5 +123,9 @@ class Pipeline {
   PeerReport peer_landmarks_;
   AgentStatus status_;
 };
+
+// Of a recording, from its sample `next`: those that the image of this stamp needs. `next` goes on.
+void add_imu_for(TimeNs image_stamp_ns, const std::vector<ImuSample>& imu, std::size_t& next,
+                 Pipeline& pipeline);
 
 }  // namespace covey

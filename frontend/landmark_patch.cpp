@@ -179,6 +179,7 @@ struct Sight {
   Eigen::Vector3d p_own = Eigen::Vector3d::Zero();  // over its depth in the other camera
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Matrix2d J_bearing = Eigen::Matrix2d::Zero();  // of the pixel by the own bearing
+  Eigen::Matrix<double, 2, 3> J_p;                      // by p_own, times its depth
 };
 
 std::optional<Sight> sight_of(const SeenLandmark& seen, const Eigen::Isometry3d& T_own_other,
@@ -190,7 +191,11 @@ std::optional<Sight> sight_of(const SeenLandmark& seen, const Eigen::Isometry3d&
   if (!(sight.p_own.z() > kMinDepth) || sight.p_own.hnormalized().norm() > kMaxBearing) {
     return std::nullopt;
   }
-  sight.pixel = project(camera, sight.p_own.hnormalized(), &sight.J_bearing);
+  const Eigen::Vector2d bearing = sight.p_own.hnormalized();
+  sight.pixel = project(camera, bearing, &sight.J_bearing);
+  Eigen::Matrix<double, 2, 3> J_bearing_p;
+  J_bearing_p << 1, 0, -bearing.x(), 0, 1, -bearing.y();
+  sight.J_p = sight.J_bearing * J_bearing_p;
   return sight;
 }
 
@@ -217,16 +222,14 @@ std::optional<PatchPlace> place_on(const SeenLandmark& seen, const Sight& sight,
   const Eigen::Matrix<double, 3, 2> J_p =
       T_own_other.linear().leftCols<2>() +
       seen.inverse_depth / facing * T_own_other.translation() * normal.head<2>().transpose();
-  const Eigen::Vector3d& p = sight.p_own;
-  Eigen::Matrix<double, 2, 3> J_own_bearing;
-  J_own_bearing << 1, 0, -p.x() / p.z(), 0, 1, -p.y() / p.z();
   PatchPlace place;
   place.pixel = sight.pixel;
-  place.affine = sight.J_bearing * J_own_bearing * J_p * (seen.spacing / p.z());
+  place.affine = sight.J_p * J_p * (seen.spacing / sight.p_own.z());
   return place;
 }
 
-// The same in the image itself, whichever level suits.
+// Aligned on the level whose pixels lie about as far apart as the samples; in px of the image
+// itself.
 std::optional<Fit> find(const Template& patch, const ImagePyramid& image, PatchPlace place,
                         const PatchSearchConfig& config) {
   // Seen from nearer by, the samples lie far apart: a coarser image fits them.

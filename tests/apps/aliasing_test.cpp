@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "apps/pipeline.h"
+#include "apps/team.h"
 #include "sim/simulation.h"
 
 namespace covey {
@@ -60,12 +60,8 @@ class Flyer {
   [[nodiscard]] std::size_t images() const { return simulation_.image_stamps().size(); }
 
   std::optional<PlaceAdvert> fly_on() {
-    const std::vector<ImuSample>& imu = simulation_.plan().imu.samples;
     const TimeNs stamp_ns = simulation_.image_stamps()[next_image_++];
-    const TimeNs moment_ns = pipeline_.imu_moment(stamp_ns);
-    while (next_imu_ < imu.size() && (next_imu_ == 0 || imu[next_imu_ - 1].stamp_ns <= moment_ns)) {
-      pipeline_.add_imu(imu[next_imu_++]);
-    }
+    add_imu_for(stamp_ns, simulation_.plan().imu.samples, next_imu_, pipeline_);
     return pipeline_.add_image(stamp_ns, simulation_.next_image().grey).advert;
   }
 
@@ -74,14 +70,10 @@ class Flyer {
 
  private:
   [[nodiscard]] AgentConfig config() const {
-    AgentConfig config;
-    config.agent.name = simulation_.name();
-    config.initialisation.method = InitMethod::kGroundTruth;
-    config.initialisation.own_world = true;
-    config.fusion.drift.common_start = false;
-    config.collaboration.matching.verification.max_offset = 1e6;
-    config.collaboration.matching.verification.max_yaw = M_PI;
-    return config;
+    TeamOptions options;
+    options.out = "no run is written";
+    options.unknown_start = true;
+    return agent_config(options, {simulation_.name(), "no dataset is read"}, 0);
   }
   [[nodiscard]] SensorSetup sensors() const {
     return {simulation_.camera().intrinsics, simulation_.plan().flight.extrinsics,

@@ -45,10 +45,7 @@ Honesty fly(const Dataset& dataset, const Failure& failure) {
   int number = 0, judged = 0;
   for (const ImageEntry& image : dataset.images) {
     const TimeNs moment_ns = pipeline.imu_moment(image.stamp_ns);
-    while (next_imu < dataset.imu.size() &&
-           (next_imu == 0 || dataset.imu[next_imu - 1].stamp_ns <= moment_ns)) {
-      pipeline.add_imu(dataset.imu[next_imu++]);
-    }
+    add_imu_for(image.stamp_ns, dataset.imu, next_imu, pipeline);
     const cv::Mat grey = read_image(image, dataset.camera.width, dataset.camera.height);
     const ImageResult result = pipeline.add_image(image.stamp_ns, failure(grey, number++));
     honesty.restarts += result.update.reinitialized ? 1 : 0;

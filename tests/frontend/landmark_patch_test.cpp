@@ -88,42 +88,60 @@ Eigen::Isometry3d own_pose() {
 
 struct Search {
   int tried = 0, found = 0;
-  int near = 0;  // of those found: within 0.2 px of the truth
+  int near = 0;  // of those found: so near to the truth
 };
 
-// Looks for patches of the other's image in the own one, from a pose that is off by `error` (m).
-Search search(const ImagePyramid& own, const Eigen::Vector3d& error) {
-  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity());
-  Eigen::Isometry3d assumed = own_pose();
-  assumed.translation() += error;
+// What is looked for in the own image, and what is believed of it.
+struct Question {
+  Eigen::Isometry3d T_other_own = own_pose();       // in truth
+  Eigen::Vector3d error = Eigen::Vector3d::Zero();  // m, of where that is believed to be
+  Look look;                                        // of the other's image
+  Eigen::Vector3d up = -Eigen::Vector3d::UnitY();   // in the other camera
+  double near_px = 0.2;
+};
+
+// Looks for patches of the other's image in the own one.
+Search search(const ImagePyramid& own, const Question& question) {
+  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity(), question.look);
+  const Eigen::Vector3d normal = question.look.R_other_wall.col(2);
+  Eigen::Isometry3d assumed = question.T_other_own;
+  assumed.translation() += question.error;
   Search result;
   for (double x = -0.3; x <= 0.3; x += 0.1) {
     for (double y = -0.2; y <= 0.2; y += 0.1) {
-      const Eigen::Vector2d bearing(x, y);
-      const auto patch = cut_landmark_patch(other.levels[0], camera(), bearing, kSpacing);
+      const Eigen::Vector3d b(x, y, 1);
+      const auto patch = cut_landmark_patch(other.levels[0], camera(), {x, y}, kSpacing);
       if (!patch) continue;
       ++result.tried;
-      const auto found =
-          find_landmark_patch(own, camera(), {bearing, 1 / kDepth, &*patch, kSpacing}, assumed, {});
+      const double depth = kDepth * normal.z() / normal.dot(b);
+      const SeenLandmark seen{{x, y}, 1 / depth, &*patch, kSpacing, question.up};
+      const auto found = find_landmark_patch(own, camera(), seen, assumed, {});
       if (!found) continue;
       ++result.found;
-      const Eigen::Vector3d p_own = own_pose().inverse() * (kDepth * bearing.homogeneous()).eval();
+      const Eigen::Vector3d p_own = question.T_other_own.inverse() * (depth * b).eval();
       const Eigen::Vector2d truth = project(camera(), p_own.hnormalized());
-      result.near += (project(camera(), found->bearing) - truth).norm() < 0.2 ? 1 : 0;
+      result.near += (project(camera(), found->bearing) - truth).norm() < question.near_px ? 1 : 0;
     }
   }
   return result;
 }
 
+Search search(const ImagePyramid& own, const Eigen::Vector3d& error) {
+  Question question;
+  question.error = error;
+  return search(own, question);
+}
+
 TEST(LandmarkPatch, IsFoundToAFifthOfAPixelFromAnotherPlace) {
-  const Search result = search(see_wall(own_pose()), {0.03, -0.02, 0.0});  // about 2 px
+  const Search result =
+      search(see_wall(own_pose()), Eigen::Vector3d(0.03, -0.02, 0.0));  // about 2 px
   EXPECT_GE(result.tried, 30);
   EXPECT_GE(result.found, result.tried * 2 / 3);
   EXPECT_GE(result.near, result.found * 8 / 10);
 }
 
 TEST(LandmarkPatch, BrightnessDoesNotMatter) {
-  const Search result = search(see_wall(own_pose(), {0.6, 50}), {0, 0, 0});
+  const Search result = search(see_wall(own_pose(), {0.6, 50}), Eigen::Vector3d::Zero());
   EXPECT_GE(result.found, result.tried * 2 / 3);
   EXPECT_GE(result.near, result.found * 8 / 10);
 }
@@ -160,31 +178,12 @@ TEST(LandmarkPatch, SaysHowWellItIsFound) {
 
 // From two metres aside, of a wall that is turned: what its surface is makes a difference.
 Search search_turned(const Eigen::Matrix3d& R_other_wall, const Eigen::Vector3d& up) {
-  Look look;
-  look.R_other_wall = R_other_wall;
-  const Eigen::Vector3d normal = R_other_wall.col(2);
-  Eigen::Isometry3d T_other_own = own_pose();
-  T_other_own.translation() = Eigen::Vector3d(2.0, -1.0, 0.5);
-  const ImagePyramid other = see_wall(Eigen::Isometry3d::Identity(), look);
-  const ImagePyramid own = see_wall(T_other_own, look);
-  Search result;
-  for (double x = -0.3; x <= 0.3; x += 0.1) {
-    for (double y = -0.2; y <= 0.2; y += 0.1) {
-      const Eigen::Vector3d b(x, y, 1);
-      const auto patch = cut_landmark_patch(other.levels[0], camera(), {x, y}, kSpacing);
-      if (!patch) continue;
-      ++result.tried;
-      const double depth = kDepth * normal.z() / normal.dot(b);
-      const SeenLandmark seen{{x, y}, 1 / depth, &*patch, kSpacing, up};
-      const auto found = find_landmark_patch(own, camera(), seen, T_other_own, {});
-      if (!found) continue;
-      ++result.found;
-      const Eigen::Vector2d truth =
-          project(camera(), (T_other_own.inverse() * (depth * b).eval()).hnormalized());
-      result.near += (project(camera(), found->bearing) - truth).norm() < 0.3 ? 1 : 0;
-    }
-  }
-  return result;
+  Question question;
+  question.T_other_own.translation() = Eigen::Vector3d(2.0, -1.0, 0.5);
+  question.look.R_other_wall = R_other_wall;
+  question.up = up;
+  question.near_px = 0.3;
+  return search(see_wall(question.T_other_own, question.look), question);
 }
 
 TEST(LandmarkPatch, IsFoundOnTheGround) {
@@ -210,7 +209,7 @@ TEST(LandmarkPatch, IsFoundOnAWallThatIsSeenFromAside) {
 TEST(LandmarkPatch, AnotherWallIsNotTakenForIt) {
   Eigen::Isometry3d elsewhere = own_pose();
   elsewhere.translation().x() += 5;
-  const Search result = search(see_wall(elsewhere), {0, 0, 0});
+  const Search result = search(see_wall(elsewhere), Eigen::Vector3d::Zero());
   EXPECT_LE(result.found, result.tried / 4);
 }
 
