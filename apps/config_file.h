@@ -48,8 +48,8 @@ enum class InitMethod { kStatic, kGroundTruth };
 struct InitialisationConfig {
   InitMethod method = InitMethod::kGroundTruth;
   double position_sigma = 1e-3;   // m
-  double yaw_sigma = 1e-3;        // rad
-  double tilt_sigma = 5e-3;       // rad
+  double yaw_sigma = 5e-4;        // rad
+  double tilt_sigma = 5e-4;       // rad, of a start from ground truth
   double velocity_sigma = 0.02;   // m/s
   double gyro_bias_sigma = 0.05;  // rad/s: recorded IMUs show up to 0.08
   double accel_bias_sigma = 0.1;  // m/s2

@@ -30,8 +30,10 @@ void visit_initialisation(InitialisationConfig& start, ConfigVisitor& v) {
   v.option("method", start.method, {"static", "groundtruth"},
            "gravity from standing still, or pose and velocity from ground truth");
   v.number("position_sigma_m", start.position_sigma, {1e-9, 1e3}, "[m] standard deviation");
-  v.angle("yaw_sigma_deg", start.yaw_sigma, {1e-6, 180}, "[deg] standard deviation");
-  v.angle("tilt_sigma_deg", start.tilt_sigma, {1e-6, 45}, "[deg] standard deviation");
+  v.angle("yaw_sigma_deg", start.yaw_sigma, {1e-6, 180},
+          "[deg] standard deviation, in the world that the drones share");
+  v.angle("tilt_sigma_deg", start.tilt_sigma, {1e-6, 45},
+          "[deg] standard deviation, of a start from ground truth against gravity");
   v.number("velocity_sigma", start.velocity_sigma, {1e-9, 100}, "[m/s] standard deviation");
   v.number("gyro_bias_sigma", start.gyro_bias_sigma, {1e-9, 1}, "[rad/s] standard deviation");
   v.number("accel_bias_sigma", start.accel_bias_sigma, {1e-9, 10}, "[m/s2] standard deviation");
