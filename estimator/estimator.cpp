@@ -108,6 +108,8 @@ struct Estimator::Impl {
   std::vector<ImuSample> propagate(TimeNs stamp_ns, UpdateReport& report);
   bool becomes_keyframe(const TrackList& tracks) const;
   void try_start(UpdateReport& report);
+  // What is told of the motion.
+  const State& told() const { return glimpsed ? *glimpsed : *state; }
   void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
   std::vector<const Track*> ended_or_leaving(std::optional<std::uint64_t> leaving) const;
@@ -128,6 +130,7 @@ struct Estimator::Impl {
   PeerGate gate_peer;
   ImuBuffer imu;
   std::optional<State> state;
+  std::optional<State> glimpsed;  // before the first visual update, of the present image
   std::optional<VisionUpdate> vision;
   std::optional<EkfUpdate> still_update;
   TrackStore store;
@@ -145,6 +148,7 @@ void Estimator::Impl::start(const InitialState& initial) {
   state.emplace(config, initial_imu(initial), initial_covariance(initial));
   vision.emplace(config, state->capacity());
   still_update.emplace(16, state->capacity());
+  glimpsed.reset();
   store.clear();
   stillness.clear();
   reference.clear();
@@ -156,6 +160,7 @@ void Estimator::Impl::start(const InitialState& initial) {
 }
 
 std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
+  glimpsed.reset();
   const ImuState& now = state->imu();
   if (stamp_ns <= now.stamp_ns || !imu.covers(stamp_ns)) return {};
   std::vector<ImuSample> interval =
@@ -246,15 +251,17 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 void Estimator::Impl::try_start(UpdateReport& report) {
   std::vector<const Track*> tracks;
   for (const Track& track : store.tracks()) {
-    if (track.observations.size() >= 3) tracks.push_back(&track);
+    if (track.observations.size() >= 2) tracks.push_back(&track);
   }
   std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
     return a->observations.size() > b->observations.size();
   });
+  glimpsed = vision->glimpse(*state, tracks);
   if (state->clones().back().keyframe && state->clones().size() >= 4) {
-    seeing = vision->start(*state, tracks, report);
+    seeing = vision->start(*state, told(), tracks, report);
   }
   if (!seeing) return;
+  glimpsed.reset();
   store.forget_all_observations();
   for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
 }
@@ -538,7 +545,7 @@ Odometry Estimator::odometry() const {
   Odometry odometry;
   odometry.status = impl_->status;
   if (!impl_->state) return odometry;
-  const State& state = *impl_->state;
+  const State& state = impl_->told();
   const ImuState& imu = state.imu();
   odometry.stamp_ns = imu.stamp_ns;
   odometry.pose = imu.pose;

@@ -24,6 +24,10 @@ constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared 
 constexpr double kMaxStartDepthError = 0.15;  // median
 constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
 
+// Before the start: how far away things usually are, how much that differs from place to place
+// (factor e), and how much single depths differ from the others.
+constexpr double kUsualDepth_m = 5.0, kUsualSpread = 1.0, kRelief = 0.5;
+
 int window_columns(const State& state) {
   return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
 }
@@ -93,9 +97,9 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
   const Eigen::Index max_observations = config.max_clones + 2;
   const Eigen::Index max_columns = 7 + 6 * max_observations + 1;
   const Eigen::Index max_tracks = config.max_msckf_features + config.max_slam_features;
-  H_feature_.resize(2 * max_observations, 3);
-  H_track_.resize(2 * max_observations, max_columns);
-  stack_.resize(max_tracks * 2 * max_observations, max_columns);
+  H_feature_.resize(2 * max_observations + 1, 3);
+  H_track_.resize(2 * max_observations + 1, max_columns + 1);
+  stack_.resize(max_tracks * 2 * max_observations, max_columns + 1);
   views_.reserve(static_cast<std::size_t>(max_observations));
 }
 
@@ -145,6 +149,14 @@ bool VisionUpdate::linearize(const State& state, const Track& track, Linearized&
 
 bool VisionUpdate::linearize_at(const State& state, const Track& track,
                                 const Eigen::Vector3d& p_world, Linearized& result) {
+  if (!fill_rows(state, track, p_world, result)) return false;
+  project_out_feature(H_feature_.topRows(result.rows),
+                      H_track_.topLeftCorner(result.rows, window_columns(state) + 1));
+  return true;
+}
+
+bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen::Vector3d& p_world,
+                             Linearized& result) {
   const CameraExtrinsics& extrinsics = state.extrinsics();
   const int anchor_index = choose_anchor(state, track);
   if (anchor_index < 0) return false;
@@ -178,8 +190,28 @@ bool VisionUpdate::linearize_at(const State& state, const Track& track,
     H_feature_.middleRows(row, 2) = J_point * first.J_inverse_depth;
     row += 2;
   }
+  return true;
+}
+
+// One row more: of rho = (1 + e) rho_common, e ~ N(0, kRelief^2).
+bool VisionUpdate::linearize_at_depth(const State& state, const Track& track, double depth,
+                                      Linearized& result) {
+  const int anchor_index = choose_anchor(state, track);
+  if (anchor_index < 0 || track.observations.size() < 2) return false;
+  const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
+  const Eigen::Vector2d& bearing = track.find(anchor.id)->bearing;
+  const Eigen::Vector3d in_anchor(bearing.x(), bearing.y(), 1 / depth);
+  const Eigen::Vector3d p_world =
+      anchored_point(in_anchor, anchor.pose, state.extrinsics()).p_world;
+  if (!fill_rows(state, track, p_world, result)) return false;
+  const int columns = window_columns(state);
+  H_track_.col(columns + 1).head(result.rows).setZero();
+  H_track_.row(result.rows).head(columns + 1).setZero();
+  H_track_(result.rows, columns + 1) = 1 / kRelief;
+  H_feature_.row(result.rows) << 0, 0, depth / kRelief;
+  ++result.rows;
   project_out_feature(H_feature_.topRows(result.rows),
-                      H_track_.topLeftCorner(result.rows, columns + 1));
+                      H_track_.topLeftCorner(result.rows, columns + 2));
   return true;
 }
 
@@ -323,9 +355,9 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
   return quality;
 }
 
-bool VisionUpdate::start(State& state, const std::vector<const Track*>& tracks,
+bool VisionUpdate::start(State& state, const State& guess, const std::vector<const Track*>& tracks,
                          UpdateReport& report) {
-  State current = state;
+  State current = guess;
   current.forget_first_estimates();
   const int columns = window_columns(state);
   for (int i = 0; i < kStartIterations; ++i) {
@@ -365,6 +397,76 @@ void VisionUpdate::augment_at_start(State& state, const std::vector<const Track*
     augment(state, feature);
     ++report.slam_initialized;
   }
+}
+
+VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
+                                                           const std::vector<const Track*>& tracks,
+                                                           double depth) {
+  const int columns = window_columns(state);
+  stack_.row(0).head(columns + 2).setZero();
+  stack_(0, columns) = std::log(kUsualDepth_m / depth) / kUsualSpread;
+  stack_(0, columns + 1) = 1 / kUsualSpread;
+  stack_rows_ = 1;
+  StartQuality quality;
+  std::vector<double> residuals;
+  Linearized feature;
+  for (const Track* track : tracks) {
+    if (static_cast<int>(residuals.size()) == config_.max_msckf_features) break;
+    if (!linearize_at_depth(state, *track, depth, feature)) continue;
+    const int m = feature.rows - 3;
+    const double squared = H_track_.col(columns).segment(3, m).squaredNorm();
+    const double weight = std::min(1.0, kStartOutlier * kStartOutlier * m / squared);
+    stack_.block(stack_rows_, 0, m, columns + 2) =
+        std::sqrt(weight) * H_track_.block(3, 0, m, columns + 2);
+    stack_rows_ += m;
+    residuals.push_back(squared / m);
+  }
+  quality.tracks = static_cast<int>(residuals.size());
+  if (quality.tracks > 0) quality.median_squared_residual = median(std::move(residuals));
+  return quality;
+}
+
+// A reflection after which the first row alone depends on the common depth; the others are what is
+// known whatever that depth is.
+VisionUpdate::DepthRow VisionUpdate::take_depth_out(int columns) {
+  Eigen::VectorXd reflection = stack_.col(columns + 1).head(stack_rows_);
+  DepthRow taken;
+  taken.of_depth = -std::copysign(reflection.norm(), reflection(0));
+  reflection(0) -= taken.of_depth;
+  auto rows = stack_.topLeftCorner(stack_rows_, columns + 1);
+  const Eigen::RowVectorXd share = 2 / reflection.squaredNorm() * reflection.transpose() * rows;
+  rows -= reflection * share;
+  taken.H = rows.row(0).head(columns);
+  taken.r = rows(0, columns);
+  rows.row(0).setZero();
+  return taken;
+}
+
+// As the start, with the common depth beside the state.
+std::optional<State> VisionUpdate::glimpse(const State& state,
+                                           const std::vector<const Track*>& tracks) {
+  State current = state;
+  current.forget_first_estimates();
+  const int columns = window_columns(state);
+  double depth = kUsualDepth_m;
+  for (int i = 0; i < kStartIterations; ++i) {
+    if (stack_for_glimpse(current, tracks, depth).tracks < kMinStartTracks) return std::nullopt;
+    auto H = stack_.topLeftCorner(stack_rows_, columns);
+    stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
+    const DepthRow row = take_depth_out(columns);
+    State next = state;
+    if (!apply_stack(next)) return std::nullopt;
+    next.forget_first_estimates();
+    const double log_step = (row.r - row.H.dot(next.window_minus(state))) / row.of_depth;
+    depth = std::clamp(depth * std::exp(std::clamp(log_step, -1.0, 1.0)), config_.min_depth,
+                       config_.max_depth);
+    const double change = next.window_minus(current).cwiseAbs().maxCoeff();
+    current = next;
+    if (change < kStartConverged) break;
+  }
+  const StartQuality quality = stack_for_glimpse(current, tracks, depth);
+  if (!(quality.median_squared_residual < kMaxStartResidual)) return std::nullopt;
+  return current;
 }
 
 bool VisionUpdate::apply_stack(State& state) {

@@ -45,10 +45,16 @@ class VisionUpdate {
 
   // The first visual update: all tracks and all clones at once, iterated (Gauss-Newton on prior and
   // bearings), because before it neither depth nor scale is known and one linearisation would be
-  // wrong for good. Commits and returns true only when depths have become known and the tracks
-  // agree.
-  [[nodiscard]] bool start(State& state, const std::vector<const Track*>& tracks,
-                           UpdateReport& report);
+  // wrong for good. `guess`: where to begin, of the same window. Commits and returns true only when
+  // depths have become known and the tracks agree.
+  [[nodiscard]] bool start(State& state, const State& guess,
+                           const std::vector<const Track*>& tracks, UpdateReport& report);
+
+  // Before the start: the state as the tracks have it if what is in sight lies about equally far
+  // away, however far that is. Hovering shows no depth, but turning, and that it hovers. Not to be
+  // kept: the same bearings are used again at the start. Nothing if the tracks do not agree.
+  [[nodiscard]] std::optional<State> glimpse(const State& state,
+                                             const std::vector<const Track*>& tracks);
 
   // The upper rows of a track, two of one with a single bearing. `guess_world` (m): where to
   // linearise a track that cannot be triangulated on its own. Nothing when it was seen in no
@@ -75,6 +81,13 @@ class VisionUpdate {
   // The same about a given point; false when it is behind a camera.
   [[nodiscard]] bool linearize_at(const State& state, const Track& track,
                                   const Eigen::Vector3d& p_world, Linearized& result);
+  // The rows before the feature is projected out.
+  [[nodiscard]] bool fill_rows(const State& state, const Track& track,
+                               const Eigen::Vector3d& p_world, Linearized& result);
+  // Rows of a track whose depth is only known to be like that of the others; the last column is for
+  // the logarithm of that common depth.
+  [[nodiscard]] bool linearize_at_depth(const State& state, const Track& track, double depth,
+                                        Linearized& result);
   // The same, judged: is its depth known, does it agree with the state?
   Outcome examine(const State& state, const Track& track, double max_depth_error,
                   Linearized& result);
@@ -85,6 +98,15 @@ class VisionUpdate {
   };
   [[nodiscard]] StartQuality stack_for_start(const State& state,
                                              const std::vector<const Track*>& tracks);
+  [[nodiscard]] StartQuality stack_for_glimpse(const State& state,
+                                               const std::vector<const Track*>& tracks,
+                                               double depth);
+  // of_depth * d(log depth) + H dx = r
+  struct DepthRow {
+    double of_depth = 0, r = 0;
+    Eigen::RowVectorXd H;
+  };
+  [[nodiscard]] DepthRow take_depth_out(int columns);
   double depth_error(const State& state, const Linearized& feature) const;
   void augment_at_start(State& state, const std::vector<const Track*>& tracks,
                         UpdateReport& report);

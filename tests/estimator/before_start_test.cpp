@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The first second of a flight: nothing has moved enough to show how far away it is, and the
+// gyro's bias is not known. Bearings show how the camera turns all the same.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "estimator/estimator.h"
+#include "estimator/so3.h"
+#include "sim/feature_simulation.h"
+#include "sim/random.h"
+
+namespace covey {
+namespace {
+
+// Starts at the truth, but for the gyro's bias.
+InitialState start_of(const DroneFeatures& drone) {
+  const KinematicState truth = drone.trajectory.at(0);
+  InitialState start;
+  start.stamp_ns = drone.imu.front().stamp_ns;
+  start.pose = truth.pose;
+  start.v_world_imu = truth.v_world_imu;
+  start.accel_bias = drone.truth.front().bias.accel;
+  start.gyro_bias = drone.truth.front().bias.gyro + Eigen::Vector3d(0.03, -0.03, 0.03);
+  start.gyro_bias_sigma = 0.05;
+  start.tilt_sigma = start.yaw_sigma;
+  return start;
+}
+
+DroneFeatures hovering_drone(Scenario scene, std::uint64_t seed) {
+  FeatureScenario scenario;
+  scenario.flight.scenario = scene;
+  scenario.flight.agents = 1;
+  scenario.flight.duration_s = 8;
+  scenario.camera.rate_hz = 30;
+  scenario.camera.pixel_sigma = 0.3;
+  return simulate_features(scenario, seed).drones[0];
+}
+
+constexpr std::size_t kHovering = 30;  // images, of a second
+
+// What is told at each image until the first visual update, or for long enough.
+std::vector<Odometry> told_before_start(const DroneFeatures& drone) {
+  EstimatorConfig config;
+  config.imu_noise = FeatureScenario().imu.noise;
+  config.extrinsics = drone.extrinsics;
+  config.zero_velocity_updates = false;
+  Estimator estimator(config);
+  estimator.initialize(start_of(drone));
+  for (const ImuSample& sample : drone.imu) estimator.add_imu(sample);
+  std::vector<Odometry> told;
+  for (const CameraMeasurement& image : drone.camera) {
+    if (told.size() > kHovering || estimator.add_camera(image).msckf_used > 0) break;
+    told.push_back(estimator.odometry());
+  }
+  return told;
+}
+
+double worst_turn(const DroneFeatures& drone, const std::vector<Odometry>& told) {
+  double worst = 0;
+  for (std::size_t i = 0; i < told.size(); ++i) {
+    const Eigen::Quaterniond& truth = drone.truth[i].state.pose.q_world_imu;
+    worst = std::max(worst, log_quaternion(told[i].pose.q_world_imu.conjugate() * truth).norm());
+  }
+  return worst;
+}
+
+class BeforeStart : public testing::TestWithParam<Scenario> {};
+
+TEST_P(BeforeStart, TurningIsSeenThoughNoDepthIs) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const DroneFeatures drone = hovering_drone(GetParam(), seed);
+    const std::vector<Odometry> told = told_before_start(drone);
+    ASSERT_GT(told.size(), kHovering);
+    EXPECT_LT(worst_turn(drone, told), 12e-3);  // rad; the gyro alone: 52e-3
+  }
+}
+
+TEST_P(BeforeStart, BearingsThatDisagreeAreNotBelieved) {
+  DroneFeatures drone = hovering_drone(GetParam(), 1);
+  Random random(1, 0xbad);
+  const auto contradict = [&random](TrackObservation& track) {
+    track.bearing += 0.1 * random.gaussian_vector().head<2>();
+  };
+  DroneFeatures blind = drone;
+  for (CameraMeasurement& image : drone.camera) {
+    std::for_each(image.tracks.begin(), image.tracks.end(), contradict);
+  }
+  for (CameraMeasurement& image : blind.camera) image.tracks.clear();
+  const std::vector<Odometry> told = told_before_start(drone);
+  const std::vector<Odometry> by_imu_alone = told_before_start(blind);
+  ASSERT_GT(told.size(), kHovering);
+  for (std::size_t i = 0; i < kHovering; ++i) {
+    EXPECT_TRUE(told[i].pose.p_world_imu.isApprox(by_imu_alone[i].pose.p_world_imu, 1e-9));
+    EXPECT_TRUE(told[i].pose.q_world_imu.isApprox(by_imu_alone[i].pose.q_world_imu, 1e-9));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, BeforeStart,
+                         testing::Values(Scenario::kCastleParallel, Scenario::kMarsYard,
+                                         Scenario::kCastleAround, Scenario::kRoom),
+                         [](const testing::TestParamInfo<Scenario>& scene) {
+                           return std::string(scenario_name(scene.param));
+                         });
+
+}  // namespace
+}  // namespace covey
