@@ -13,7 +13,7 @@ struct StudyConfig {
   std::string scenario = "castle_around";
   double duration_s = 0;             // 0: the scenario's own
   int seeds = 3;                     // 1, 2, ...
-  double pixel_sigma = 0.3;          // of a corner in one image, px
+  double pixel_sigma = 0.1;          // of a corner in one image, px; rendered ones claim it
   double corner_mismatch_px = 0.15;  // left between what two drones see of one landmark
 };
 

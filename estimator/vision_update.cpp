@@ -24,9 +24,12 @@ constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared 
 constexpr double kMaxStartDepthError = 0.15;  // median
 constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
 
-// Before the start: how far away things usually are, how much that differs from place to place
-// (factor e), and how much single depths differ from the others.
-constexpr double kUsualDepth_m = 5.0, kUsualSpread = 1.0, kRelief = 0.5;
+// Before the start: how far away things are taken to be at first (too far is safe: it claims to see
+// less of the motion than there is to see), how much that differs from place to place (factor e),
+// and how much single depths differ from the others.
+constexpr double kFarDepth_m = 20.0, kDepthSpread = 1.0, kRelief = 0.5;
+// Median of tracks' mean squared residuals: where they disagree more, single depths matter.
+constexpr double kMaxGlimpseResidual = 1.25;
 
 int window_columns(const State& state) {
   return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
@@ -404,8 +407,8 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
                                                            double depth) {
   const int columns = window_columns(state);
   stack_.row(0).head(columns + 2).setZero();
-  stack_(0, columns) = std::log(kUsualDepth_m / depth) / kUsualSpread;
-  stack_(0, columns + 1) = 1 / kUsualSpread;
+  stack_(0, columns) = std::log(kFarDepth_m / depth) / kDepthSpread;
+  stack_(0, columns + 1) = 1 / kDepthSpread;
   stack_rows_ = 1;
   StartQuality quality;
   std::vector<double> residuals;
@@ -448,7 +451,7 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
   State current = state;
   current.forget_first_estimates();
   const int columns = window_columns(state);
-  double depth = kUsualDepth_m;
+  double depth = kFarDepth_m;
   for (int i = 0; i < kStartIterations; ++i) {
     if (stack_for_glimpse(current, tracks, depth).tracks < kMinStartTracks) return std::nullopt;
     auto H = stack_.topLeftCorner(stack_rows_, columns);
@@ -465,7 +468,7 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
     if (change < kStartConverged) break;
   }
   const StartQuality quality = stack_for_glimpse(current, tracks, depth);
-  if (!(quality.median_squared_residual < kMaxStartResidual)) return std::nullopt;
+  if (!(quality.median_squared_residual < kMaxGlimpseResidual)) return std::nullopt;
   return current;
 }
 
