@@ -287,9 +287,22 @@ void Agent::handle(const PlaceAdvert& advert) {
 }
 
 void Agent::handle(const PeerKeyframe& keyframe) {
+  const PeerResult result = pipeline_.fuse(keyframe);
+  if (!keyframe.found) {
+    count_answer(result.outcome, keyframe);
+  } else if (result.outcome == PeerOutcome::kFused) {
+    ++peer_counts_.learned;
+    note(ExchangeEvent::kLearned, keyframe.sender, keyframe.request_keyframe_id);
+  }
+  if (result.reply && link_->send(*result.reply)) {
+    note(ExchangeEvent::kTold, keyframe.sender, keyframe.request_keyframe_id);
+  }
+}
+
+void Agent::count_answer(PeerOutcome outcome, const PeerKeyframe& keyframe) {
   const std::uint64_t id =
       keyframe.receiver.empty() ? keyframe.pose.keyframe_id : keyframe.request_keyframe_id;
-  switch (pipeline_.fuse(keyframe)) {
+  switch (outcome) {
     case PeerOutcome::kFused:
       ++peer_counts_.fused;
       note(ExchangeEvent::kFused, keyframe.sender, id);

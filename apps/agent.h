@@ -30,9 +30,11 @@ inline constexpr char kAgentConfigFile[] = "config.json";
 inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
 inline constexpr char kAgentStatusFile[] = "status.json";  // while flying, once a second
 
-// What became of the peers' messages, since the start.
+// What became of the peers' messages, since the start: of answers, and how much was learnt from
+// what peers have found of own keyframes.
 struct PeerCounts {
   std::int64_t fused = 0, gated = 0, rejected = 0;
+  std::int64_t learned = 0;
 };
 
 // Whether a drone tells the others its status again, after what it `told` last: at once when it
@@ -71,6 +73,7 @@ class Agent {
  private:
   void handle(const PlaceAdvert& advert);
   void handle(const PeerKeyframe& keyframe);
+  void count_answer(PeerOutcome outcome, const PeerKeyframe& keyframe);
   void handle(const FullPeerKeyframe& message) { handle(message.keyframe); }
   void handle(const AgentStatus&) {}
   template <typename Peers>

@@ -187,27 +187,39 @@ std::optional<FeatureExchange::Sight> FeatureExchange::best_answer(
   return best;
 }
 
+std::optional<PeerKeyframe> FeatureExchange::deliver(std::size_t sender, PeerKeyframe message) {
+  const Falsehood& falsehood = drones_[sender].falsehood;
+  const double variances = falsehood.claimed_sigmas * falsehood.claimed_sigmas;
+  for (KeyframePose* pose : {&message.pose, &message.before}) {
+    pose->T_world_cam.translation() += falsehood.offset_world;
+    pose->covariance *= variances;
+  }
+  if (message.found) message.found->covariance *= variances;
+  if (problem_with(message)) return std::nullopt;
+  const Bytes bytes = encode(message);
+  auto decoded = decode_peer_keyframe(bytes);
+  if (std::holds_alternative<Rejected>(decoded)) return std::nullopt;
+  drones_[sender].traffic.answer_bytes += bytes.size();
+  return std::get<PeerKeyframe>(std::move(decoded));
+}
+
 std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver,
                                                             std::uint64_t request,
                                                             const Sight& sight) {
-  Drone& sender = drones_[sight.drone];
-  PeerKeyframe message{sender.name,  drones_[receiver].name, request, sight.pose,
-                       sight.before, kPatchSpacing,          {}};
-  for (KeyframePose* pose : {&message.pose, &message.before}) {
-    pose->T_world_cam.translation() += sender.falsehood.offset_world;
-    pose->covariance *= sender.falsehood.claimed_sigmas * sender.falsehood.claimed_sigmas;
-  }
+  PeerKeyframe message;
+  message.sender = drones_[sight.drone].name;
+  message.receiver = drones_[receiver].name;
+  message.request_keyframe_id = request;
+  message.pose = sight.pose;
+  message.before = sight.before;
+  message.patch_spacing = kPatchSpacing;
   for (const FlownFeature& landmark : sight.landmarks) {
     message.landmarks.push_back(
         {{}, landmark.bearing, landmark.inverse_depth, landmark.inverse_depth_sigma, {}});
   }
-  if (problem_with(message)) return std::nullopt;
-  const Bytes bytes = encode(message);
-  const auto decoded = decode_peer_keyframe(bytes);
-  const auto* arrived = std::get_if<PeerKeyframe>(&decoded);
-  if (arrived == nullptr) return std::nullopt;
-  ++sender.traffic.answers;
-  sender.traffic.answer_bytes += bytes.size();
+  const std::optional<PeerKeyframe> arrived = deliver(sight.drone, std::move(message));
+  if (!arrived) return std::nullopt;
+  ++drones_[sight.drone].traffic.answers;
   Sight received = sight;
   received.pose = arrived->pose;
   received.before = arrived->before;
@@ -217,6 +229,22 @@ std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver
     received.landmarks[i].inverse_depth_sigma = arrived->landmarks[i].inverse_depth_sigma;
   }
   return received;
+}
+
+std::optional<FeatureExchange::Told> FeatureExchange::tell(std::size_t drone,
+                                                           const RelativePose& found) {
+  const auto receiver = std::find_if(drones_.begin(), drones_.end(),
+                                     [&](const Drone& other) { return other.name == found.drone; });
+  if (receiver == drones_.end() || receiver->name == drones_[drone].name) return std::nullopt;
+  const auto own = std::find_if(receiver->keyframes.begin(), receiver->keyframes.end(),
+                                [&](const FlownKeyframe& keyframe) {
+                                  return keyframe.pose.keyframe_id == found.other.keyframe_id;
+                                });
+  if (own == receiver->keyframes.end()) return std::nullopt;
+  const auto message = deliver(drone, as_told(found, drones_[drone].name));
+  if (!message) return std::nullopt;
+  return Told{static_cast<std::size_t>(receiver - drones_.begin()),
+              found_by_peer(*message, own->pose, own->before)};
 }
 
 // The rough relative pose, which geometric verification finds from descriptors, is the true one.

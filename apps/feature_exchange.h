@@ -14,6 +14,7 @@
 
 #include "apps/feature_flight.h"
 #include "estimator/measurements.h"
+#include "estimator/relative_pose.h"
 #include "frontend/answer_limiter.h"
 #include "frontend/collaborator.h"
 
@@ -43,7 +44,7 @@ struct Traffic {
   int questions = 0;  // asked, of all peers at once
   int answers = 0;    // sent
   std::size_t advert_bytes = 0;
-  std::size_t answer_bytes = 0;
+  std::size_t answer_bytes = 0;  // and what came of others'
 };
 
 class FeatureExchange {
@@ -59,6 +60,13 @@ class FeatureExchange {
   // The newest keyframe asked of all others, unless one from nearly there was; their answers,
   // matched.
   [[nodiscard]] std::vector<KeyframeMatch> ask(std::size_t drone);
+
+  // What a drone has found of a peer's keyframe, as that peer hears it.
+  struct Told {
+    std::size_t drone = 0;  // who hears it
+    RelativePose found;     // from its side
+  };
+  [[nodiscard]] std::optional<Told> tell(std::size_t drone, const RelativePose& found);
 
   [[nodiscard]] const Traffic& traffic(std::size_t drone) const { return drones_[drone].traffic; }
 
@@ -87,7 +95,8 @@ class FeatureExchange {
   [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone,
                                                  const FlownKeyframe& seen) const;
   void keep_most_useful(Sight& sight, const FlownKeyframe& seen) const;
-  // Through bytes and back; nothing if the link would refuse it.
+  // Through bytes and back, as its sender has it; nothing if the link would refuse it.
+  [[nodiscard]] std::optional<PeerKeyframe> deliver(std::size_t sender, PeerKeyframe message);
   [[nodiscard]] std::optional<Sight> send(std::size_t receiver, std::uint64_t request,
                                           const Sight& sight);
   [[nodiscard]] std::optional<KeyframeMatch> match(std::size_t drone, const FlownKeyframe& own,

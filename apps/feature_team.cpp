@@ -19,17 +19,17 @@ void record(TeamMember& member, const Odometry& odometry, const Pose& truth) {
   member.path.truth.push_back(truth);
 }
 
-void count(const KeyframeMatch& match, const std::string& own_name, bool used, bool gated,
+void count(const std::string& drone, const std::string& own_name, bool used, bool gated,
            TeamMember& member) {
   member.used += used ? 1 : 0;
   member.gated += gated ? 1 : 0;
-  if (used && match.drone != own_name) member.peers.insert(match.drone);
+  if (used && drone != own_name) member.peers.insert(drone);
 }
 
 // Flights that were flown, with a corrector beside each that has add_own() and corrected();
 // `fuse(i, match)` gives drone i a match.
 template <typename Corrector, typename Fuse>
-std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange exchange,
+std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exchange,
                                      std::vector<Corrector>& correctors, const Fuse& fuse) {
   std::vector<TeamMember> members(team.names.size());
   const auto timed = [&](std::size_t i, const auto& work) {
@@ -39,7 +39,7 @@ std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange excha
   };
   const auto fuse_all = [&](std::size_t i, const std::vector<KeyframeMatch>& matches) {
     timed(i, [&] {
-      for (const KeyframeMatch& match : matches) fuse(i, match, members[i]);
+      for (const KeyframeMatch& match : matches) fuse(i, match, members);
     });
   };
   for (std::size_t k = 0; k < team.flights.front().size(); ++k) {
@@ -149,29 +149,37 @@ std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange excha
                                      const DriftConfig& drift, int min_matches) {
   std::vector<DriftFilter> filters;
   for (const std::string& name : team.names) filters.emplace_back(drift, name);
-  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
-    const auto relative = estimate_relative_pose(match, min_matches);
-    if (!relative) return;
-    const DriftOutcome outcome = filters[i].add(*relative);
-    count(match, team.names[i], outcome == DriftOutcome::kUsed, outcome == DriftOutcome::kGated,
-          member);
+  const auto use = [&](std::size_t i, const RelativePose& relative, TeamMember& member) {
+    const DriftOutcome outcome = filters[i].add(relative);
+    count(relative.drone, team.names[i], outcome == DriftOutcome::kUsed,
+          outcome == DriftOutcome::kGated, member);
+    return outcome;
   };
-  return exchange_all(team, std::move(exchange), filters, fuse);
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match,
+                        std::vector<TeamMember>& members) {
+    const auto relative = estimate_relative_pose(match, min_matches);
+    if (!relative || use(i, *relative, members[i]) != DriftOutcome::kUsed) return;
+    if (const auto told = exchange.tell(i, *relative)) {
+      (void)use(told->drone, told->found, members[told->drone]);
+    }
+  };
+  return exchange_all(team, exchange, filters, fuse);
 }
 
 std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team, FeatureExchange exchange,
                                                    int min_matches) {
   std::vector<SplitIntersection> filters(team.names.size());
-  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match,
+                        std::vector<TeamMember>& members) {
     const auto relative = estimate_relative_pose(match, min_matches);
     if (!relative) return;
     const auto other = static_cast<std::size_t>(std::distance(
         team.names.begin(), std::find(team.names.begin(), team.names.end(), match.drone)));
     const std::optional<DriftEstimate> theirs = filters[other].at(match.other.keyframe_id);
     const bool used = theirs && filters[i].fuse(*relative, *theirs);
-    count(match, team.names[i], used, !used, member);
+    count(match.drone, team.names[i], used, !used, members[i]);
   };
-  return exchange_all(team, std::move(exchange), filters, fuse);
+  return exchange_all(team, exchange, filters, fuse);
 }
 
 std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,

@@ -52,6 +52,11 @@ class StageTimer {
   double start_ms_;
 };
 
+PeerOutcome to_peer_outcome(DriftOutcome outcome) {
+  if (outcome == DriftOutcome::kUsed) return PeerOutcome::kFused;
+  return outcome == DriftOutcome::kGated ? PeerOutcome::kGated : PeerOutcome::kRejected;
+}
+
 void take_over(const UpdateReport& update, TimingRecord& timing) {
   timing.propagate_ms = update.propagate_ms;
   timing.msckf_ms = update.msckf_ms;
@@ -273,36 +278,30 @@ std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {
   return collaborator_->answer(advert);
 }
 
-PeerOutcome Pipeline::fuse(const PeerKeyframe& message) {
-  if (!collaborator_) return PeerOutcome::kRejected;
+PeerResult Pipeline::fuse(const PeerKeyframe& message) {
+  if (!collaborator_ || !started()) return {};
+  if (message.found) return {learn(message), {}};
   std::variant<KeyframeMatch, NoMatch> matched;
   {
     const StageTimer timer(peer_work_.match_ms);
     matched = collaborator_->match(message);
   }
   const auto* match = std::get_if<KeyframeMatch>(&matched);
-  return match != nullptr && started() ? fuse(*match) : PeerOutcome::kRejected;
+  return match != nullptr ? fuse(*match) : PeerResult{};
 }
 
-PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
+PeerResult Pipeline::fuse(const KeyframeMatch& match) {
   const StageTimer timer(peer_work_.peer_ms);
   if (drift_) {
     const auto relative = estimate_relative_pose(match, config_.collaboration.matching.min_matches);
-    if (!relative) return PeerOutcome::kRejected;
-    switch (drift_->add(*relative)) {
-      case DriftOutcome::kUsed:
-        tell_world_of(match.drone);
-        peer_landmarks_.used += relative->inliers;
-        return PeerOutcome::kFused;
-      case DriftOutcome::kGated:
-        peer_landmarks_.gated += relative->inliers;
-        return PeerOutcome::kGated;
-      case DriftOutcome::kUnaligned:
-      case DriftOutcome::kRepeated:
-      case DriftOutcome::kInvalid:
-        break;
+    if (!relative) return {};
+    const DriftOutcome outcome = fuse(*relative);
+    PeerResult result{to_peer_outcome(outcome), {}};
+    const bool agrees = outcome == DriftOutcome::kUsed || outcome == DriftOutcome::kUnaligned;
+    if (agrees && config_.collaboration.exchange == ExchangeMode::kCompact) {
+      result.reply = as_told(*relative, config_.agent.name);
     }
-    return PeerOutcome::kRejected;
+    return result;
   }
   const PeerReport report = estimator_.add_peer(match);
   peer_landmarks_.used += report.used;
@@ -310,8 +309,27 @@ PeerOutcome Pipeline::fuse(const KeyframeMatch& match) {
   peer_landmarks_.unknown_track += report.unknown_track;
   peer_landmarks_.invalid += report.invalid;
   peer_landmarks_.uninformative += report.uninformative;
-  if (report.used > 0) return PeerOutcome::kFused;
-  return report.gated > 0 ? PeerOutcome::kGated : PeerOutcome::kRejected;
+  if (report.used > 0) return {PeerOutcome::kFused, {}};
+  return {report.gated > 0 ? PeerOutcome::kGated : PeerOutcome::kRejected, {}};
+}
+
+DriftOutcome Pipeline::fuse(const RelativePose& relative) {
+  const DriftOutcome outcome = drift_->add(relative);
+  if (outcome == DriftOutcome::kUsed) {
+    tell_world_of(relative.drone);
+    peer_landmarks_.used += relative.inliers;
+  } else if (outcome == DriftOutcome::kGated) {
+    peer_landmarks_.gated += relative.inliers;
+  }
+  return outcome;
+}
+
+// What a peer has found of an own keyframe.
+PeerOutcome Pipeline::learn(const PeerKeyframe& message) {
+  const StageTimer timer(peer_work_.peer_ms);
+  const Keyframe* own = collaborator_->answered_with(message);
+  if (!drift_ || own == nullptr) return PeerOutcome::kRejected;
+  return to_peer_outcome(fuse(found_by_peer(message, own->pose, own->before)));
 }
 
 // In the world as the own odometry alone has it, with all its drift: so keyframes stand in it.

@@ -54,6 +54,12 @@ enum class TrackKind { kSlam, kMsckf, kOpportunistic };
 
 enum class PeerOutcome { kFused, kGated, kRejected };
 
+// What became of a peer's message, and what to tell that peer of it.
+struct PeerResult {
+  PeerOutcome outcome = PeerOutcome::kRejected;
+  std::optional<PeerKeyframe> reply;
+};
+
 class Pipeline {
  public:
   // Throws std::runtime_error for a configuration that cannot work.
@@ -68,7 +74,7 @@ class Pipeline {
 
   // What peers send; only when flying together.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
-  PeerOutcome fuse(const PeerKeyframe& message);
+  PeerResult fuse(const PeerKeyframe& message);
   // An answer of the paper's exchange.
   [[nodiscard]] FullPeerKeyframe with_filter(PeerKeyframe answer) const;
 
@@ -105,7 +111,9 @@ class Pipeline {
   [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& alone,
                                                     TimingRecord& timing);
   void keep_filter(std::uint64_t keyframe_id);
-  PeerOutcome fuse(const KeyframeMatch& match);
+  PeerResult fuse(const KeyframeMatch& match);
+  DriftOutcome fuse(const RelativePose& relative);
+  PeerOutcome learn(const PeerKeyframe& message);
   void tell_world_of(const std::string& peer);
 
   AgentConfig config_;

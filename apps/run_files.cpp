@@ -48,7 +48,8 @@ constexpr CountColumn<LinkRecord> kLinkCounts[] = {
 
 constexpr char kStampColumn[] = "stamp_ns";
 // In the order of ExchangeEvent.
-constexpr const char* kEventNames[] = {"asked", "heard", "answered", "fused", "gated", "rejected"};
+constexpr const char* kEventNames[] = {"asked", "heard",    "answered", "fused",
+                                       "gated", "rejected", "told",     "learned"};
 
 ExchangeEvent event_from(const CsvReader& reader, std::string_view name) {
   for (std::size_t i = 0; i < std::size(kEventNames); ++i) {

@@ -63,13 +63,15 @@ enum class ExchangeEvent {
   kFused,     // the peer's answer; so the next two
   kGated,
   kRejected,
+  kTold,     // back to the peer what came of its answer
+  kLearned,  // from the peer what came of the own answer
 };
 
 struct ExchangeRecord {
   double clock_ms = 0;  // steady_ms(): one clock for all processes of a machine
   ExchangeEvent event = ExchangeEvent::kAsked;
   std::string peer;               // kEveryPeer: all of them
-  std::uint64_t keyframe_id = 0;  // of the question; of the answer where nobody asked
+  std::uint64_t keyframe_id = 0;  // of the question, whoever's; of the answer where nobody asked
 };
 inline constexpr char kEveryPeer[] = "*";
 

@@ -63,6 +63,15 @@ Problem problem_with(const KeyframePose& pose) {
   return {};
 }
 
+Problem problem_with(const FoundKeyframe& found) {
+  if (const Problem problem = problem_with(found.T_keyframe_cam)) return problem;
+  // Written so that NaN fails too.
+  if (!(std::abs(found.log_depth_ratio) <= kMaxLogDepthRatio)) return "depth ratio not plausible";
+  if (!is_covariance<7>(found.covariance, 0.0))
+    return "covariance of what was found not positive definite or not plausible";
+  return {};
+}
+
 // All but the receiver.
 Problem problem_with_content(const PeerKeyframe& keyframe) {
   if (!is_agent_name(keyframe.sender)) return "sender is not a drone's name";
@@ -75,7 +84,9 @@ Problem problem_with_content(const PeerKeyframe& keyframe) {
   if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
   for (const PeerLandmark& landmark : keyframe.landmarks)
     if (const Problem problem = problem_with(landmark)) return problem;
-  return {};
+  if (!keyframe.found) return {};
+  if (!keyframe.landmarks.empty()) return "what was found comes with landmarks";
+  return problem_with(*keyframe.found);
 }
 
 bool are_unit(const Eigen::VectorXd& state, Eigen::Index first_clone, Eigen::Index clones) {
@@ -145,6 +156,7 @@ Problem problem_with(const PeerKeyframe& keyframe) {
 Problem problem_with(const FullPeerKeyframe& message) {
   const std::string& receiver = message.keyframe.receiver;
   if (!receiver.empty() && !is_agent_name(receiver)) return "receiver is not a drone's name";
+  if (message.keyframe.found) return "what was found comes with a whole filter";
   if (const Problem problem = problem_with_content(message.keyframe)) return problem;
   return problem_with(message.filter);
 }

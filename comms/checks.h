@@ -24,12 +24,13 @@ inline constexpr TimeNs kMaxStampNs = 4'000'000'000'000'000'000;  // differences
 inline constexpr double kMaxBearing = 3.99;      // tangent: 76 degrees off the optical axis
 inline constexpr double kMaxPatchSpacing = 0.1;  // normalised plane
 inline constexpr double kMinInverseDepth = 1.0 / 65536, kMaxInverseDepth = 65535;  // 1/m
-inline constexpr double kMaxPosition = 1e5;                                        // m
-inline constexpr double kMaxSpeed = 200.0;                                         // m/s
-inline constexpr double kMaxGyroBias = 10.0;                                       // rad/s
-inline constexpr double kMaxAccelBias = 100.0;                                     // m/s2
-inline constexpr double kMaxSigma = 1e4;                                           // m or rad
-inline constexpr double kMaxViewSigma = 1e9;                                       // CameraView
+inline constexpr double kMaxLogDepthRatio = 10;
+inline constexpr double kMaxPosition = 1e5;     // m
+inline constexpr double kMaxSpeed = 200.0;      // m/s
+inline constexpr double kMaxGyroBias = 10.0;    // rad/s
+inline constexpr double kMaxAccelBias = 100.0;  // m/s2
+inline constexpr double kMaxSigma = 1e4;        // m or rad
+inline constexpr double kMaxViewSigma = 1e9;    // CameraView
 
 // Not negative, and so that differences cannot overflow.
 [[nodiscard]] bool is_stamp(TimeNs stamp_ns);

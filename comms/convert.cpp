@@ -215,6 +215,15 @@ KeyframePose from_wire(const wire::CameraPose& pose) {
   return out;
 }
 
+FoundKeyframe from_wire(const wire::FoundKeyframe& found) {
+  FoundKeyframe out;
+  out.keyframe_id = found.keyframe_id();
+  out.T_keyframe_cam = to_isometry(found.p_keyframe_cam(), found.q_keyframe_cam_xyzw());
+  out.log_depth_ratio = found.log_depth_ratio();
+  out.covariance = symmetric<7>(found.covariance());
+  return out;
+}
+
 PeerKeyframe from_wire(const wire::MessageUAV& message) {
   PeerKeyframe out;
   out.sender = message.sender().to_string();
@@ -224,6 +233,7 @@ PeerKeyframe from_wire(const wire::MessageUAV& message) {
   out.before = from_wire(message.before());
   out.patch_spacing = message.patch_spacing();
   out.landmarks = landmarks_of(message);
+  if (!message.found().empty()) out.found = from_wire(message.found().front());
   return out;
 }
 
@@ -302,6 +312,16 @@ wire::CameraPose to_wire(const KeyframePose& pose) {
   return out;
 }
 
+wire::FoundKeyframe to_wire(const FoundKeyframe& found) {
+  wire::FoundKeyframe out;
+  out.keyframe_id(found.keyframe_id);
+  out.p_keyframe_cam(to_array<float, 3>(found.T_keyframe_cam.translation()));
+  out.q_keyframe_cam_xyzw(to_xyzw(found.T_keyframe_cam));
+  out.log_depth_ratio(static_cast<float>(found.log_depth_ratio));
+  out.covariance(upper_triangle<7>(found.covariance));
+  return out;
+}
+
 wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   wire::MessageUAV out;
   out.version(kWireVersion);
@@ -312,6 +332,7 @@ wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   out.before(to_wire(keyframe.before));
   out.patch_spacing(static_cast<float>(keyframe.patch_spacing));
   for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, out);
+  if (keyframe.found) out.found().push_back(to_wire(*keyframe.found));
   return out;
 }
 
@@ -410,6 +431,10 @@ Problem problem_on_wire(const wire::MessageUAV& message) {
   }
   for (const wire::CameraPose& pose : {message.keyframe(), message.before()}) {
     if (const Problem problem = problem_with_attitude(pose.q_world_cam_xyzw())) return problem;
+  }
+  if (message.found().size() > 1) return "more than one keyframe found";
+  for (const wire::FoundKeyframe& found : message.found()) {
+    if (const Problem problem = problem_with_attitude(found.q_keyframe_cam_xyzw())) return problem;
   }
   return {};
 }

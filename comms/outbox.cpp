@@ -12,6 +12,7 @@ constexpr std::size_t kMaxWaiting = 64;
 constexpr std::size_t kMaxHeld = 64;     // keyframes remembered per peer
 constexpr double kGoodDepthSigma = 0.1;  // relative; a landmark's depth this good counts half
 constexpr double kRequestWorth = 20;     // half of a usual answer, which it may bring
+constexpr double kFoundWorth = 40;       // what came of an answer: about as much as that told
 constexpr double kHeldShare = 0.25;      // what a keyframe is still worth to who has it
 constexpr double kDatagramOverheadBytes = 100;  // RTPS, UDP and IP headers, and a heartbeat
 
@@ -39,6 +40,7 @@ double cost(const Outgoing& out) {
 double worth(const PlaceAdvert& /*advert*/) { return kRequestWorth; }
 
 double worth(const PeerKeyframe& keyframe) {
+  if (keyframe.found) return kFoundWorth;
   double sum = 0;
   for (const PeerLandmark& landmark : keyframe.landmarks) {
     const double sigma = landmark.inverse_depth_sigma / landmark.inverse_depth / kGoodDepthSigma;
@@ -144,8 +146,7 @@ void Outbox::spend_drone(double wire_bytes, Time now) {
 void Outbox::spend(const Outgoing& out, std::size_t copies, Time now) {
   unpaid_ += cost(out) * static_cast<double>(copies);
   for (const std::string& peer : out.receivers) bucket_of(peer).spend(cost(out), now);
-  if (out.kind == Kind::kMessage || out.kind == Kind::kFullMessage)
-    remember(out.receivers, out.keyframe_id);
+  if (out.keyframe_id != 0) remember(out.receivers, out.keyframe_id);
 }
 
 TokenBucket& Outbox::bucket_of(const std::string& peer) {

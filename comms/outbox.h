@@ -25,7 +25,7 @@ namespace covey {
 struct Outgoing {
   Kind kind = Kind::kRequest;
   std::set<std::string> receivers;  // of a message; what is for all has none
-  std::uint64_t keyframe_id = 0;    // of a message
+  std::uint64_t keyframe_id = 0;    // whose landmarks a message holds, from 1; 0: it holds none
   double worth = 0;                 // what a peer may learn from it, in well-known landmarks
   Bytes bytes;
 };

@@ -443,8 +443,9 @@ bool PeerLink::Impl::send_to(const std::set<std::string>& receivers, const PeerK
                              Bytes bytes) {
   const std::set<std::string> there = reached(receivers);
   if (there.empty()) return false;
+  const std::uint64_t landmarks_of = keyframe.found ? 0 : keyframe.pose.keyframe_id;
   return send_when_there_is_room(
-      {message_kind_, there, keyframe.pose.keyframe_id, worth(keyframe), std::move(bytes)});
+      {message_kind_, there, landmarks_of, worth(keyframe), std::move(bytes)});
 }
 
 std::set<std::string> PeerLink::Impl::everybody() const {

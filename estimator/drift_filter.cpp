@@ -32,9 +32,6 @@ constexpr double kAlignedSigma_m = 1.0, kAlignedSigma_rad = 0.1;
 constexpr double kUnsharedScale = 0.25;
 // Of a relative pose and the ratio of depths.
 constexpr int kRows = kSize + 1;
-using Vector7d = Eigen::Matrix<double, kRows, 1>;
-using Matrix7d = Eigen::Matrix<double, kRows, kRows>;
-using Matrix76d = Eigen::Matrix<double, kRows, kSize>;
 
 constexpr auto block(int node) { return kSize * node; }
 
@@ -63,12 +60,12 @@ DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
     : config_(config),
       gate_limit_(chi_square_quantile(config.gate_confidence, kSize)),
       gate_limit_with_ratio_(chi_square_quantile(config.gate_confidence, kRows)) {
-  drones_.push_back({std::move(own_name), {}, {}, {}, {}});
+  drones_.push_back({std::move(own_name), {}, {}, {}});
   drones_.front().world.known = true;
 }
 
 DriftFilter::Drone DriftFilter::newcomer(const std::string& name) const {
-  Drone drone{name, {}, {}, {}, {}};
+  Drone drone{name, {}, {}, {}};
   drone.world.known = config_.common_start;
   return drone;
 }
@@ -99,6 +96,14 @@ Matrix6d DriftFilter::believable(const KeyframePose& peer) const {
   const double yaw = peer.covariance(5, 5);
   const double factor = config_.least_claim * std::max(own.position / position, own.yaw / yaw);
   return std::max(1.0, factor) * peer.covariance;
+}
+
+RelativePose DriftFilter::believable(RelativePose measurement) const {
+  if (!measurement.found_by_other) return measurement;
+  const double m = config_.found_position_sigma_m, rad = config_.found_angle_sigma;
+  measurement.covariance.diagonal().head<3>().array() += m * m;
+  measurement.covariance.diagonal().tail<3>().array() += rad * rad;
+  return measurement;
 }
 
 DriftFilter::Node DriftFilter::to_node(std::size_t drone, const KeyframePose& pose) const {
@@ -241,20 +246,21 @@ void DriftFilter::forget_drone(const std::string& peer) {
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   if (!is_positive_definite<6>(measurement.covariance) ||
       !is_positive_definite<6>(measurement.other.covariance) ||
-      !is_positive_definite<6>(measurement.other_before.covariance)) {
+      !is_positive_definite<6>(measurement.other_before.covariance) ||
+      !is_positive_definite<6>(measurement.own_before.covariance)) {
     return DriftOutcome::kInvalid;
   }
   if (measurement.depth_ratio &&
-      (!is_positive_definite<kRows>(
-           noise_of(measurement, &*measurement.depth_ratio, Eigen::Matrix3d::Identity())) ||
-       !is_positive_definite<6>(measurement.depth_ratio->own_before.covariance))) {
+      !is_positive_definite<kRows>(
+          noise_of(measurement, &*measurement.depth_ratio, Eigen::Matrix3d::Identity()))) {
     return DriftOutcome::kInvalid;
   }
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
-  if (drone.world.known) return use(*index, measurement);
-  const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);
+  const RelativePose believed = believable(measurement);
+  if (drone.world.known) return use(*index, believed);
+  const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, believed);
   if (agreeing.empty()) return DriftOutcome::kUnaligned;
   drone.world.known = true;
   drone.world.pivot = measurement.own.T_world_cam.translation();
@@ -267,24 +273,28 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   return outcome;
 }
 
-double DriftFilter::repetition(Drone& drone, TimeNs own_stamp_ns) {
+double DriftFilter::repetition(const Drone& drone, TimeNs own_stamp_ns) const {
   constexpr double kShortest_s = 0.25;
-  const std::optional<TimeNs> last_ns = std::exchange(drone.last_used_ns, own_stamp_ns);
-  if (!last_ns) return 1;
-  const double since_s = std::abs(seconds_between(*last_ns, own_stamp_ns));
+  if (drone.heard.empty()) return 1;
+  const auto later = drone.heard.lower_bound(own_stamp_ns);
+  double since_s = std::numeric_limits<double>::infinity();
+  if (later != drone.heard.end()) since_s = seconds_between(own_stamp_ns, later->first);
+  if (later != drone.heard.begin()) {
+    since_s = std::min(since_s, seconds_between(std::prev(later)->first, own_stamp_ns));
+  }
   return std::max(1.0, config_.same_corners_s / std::max(since_s, kShortest_s));
 }
 
 // However often a peer answers, it sees the same corners: their errors do not average out.
-bool DriftFilter::said_enough(const Drone& drone, std::uint64_t own_keyframe) const {
-  const auto known = drone.heard.find(own_keyframe);
+bool DriftFilter::said_enough(const Drone& drone, TimeNs own_stamp_ns) const {
+  const auto known = drone.heard.find(own_stamp_ns);
   if (known != drone.heard.end()) return known->second >= kMostPerKeyframe;
   const bool full = drone.heard.size() >= static_cast<std::size_t>(config_.max_keyframes);
-  return full && own_keyframe < drone.heard.begin()->first;
+  return full && own_stamp_ns < drone.heard.begin()->first;
 }
 
-void DriftFilter::count_used(Drone& drone, std::uint64_t own_keyframe) {
-  ++drone.heard[own_keyframe];
+void DriftFilter::count_used(Drone& drone, TimeNs own_stamp_ns) {
+  ++drone.heard[own_stamp_ns];
   if (drone.heard.size() > static_cast<std::size_t>(config_.max_keyframes)) {
     drone.heard.erase(drone.heard.begin());
   }
@@ -300,67 +310,97 @@ double DriftFilter::unshared_scale_variance(const Node& from, const Node& to) {
 const DepthRatio* DriftFilter::usable_ratio(const RelativePose& measurement) const {
   const double least_s = config_.least_depth_memory_s;
   if (!measurement.depth_ratio ||
-      !measures_depths(measurement.depth_ratio->own_before, measurement.own, least_s) ||
+      !measures_depths(measurement.own_before, measurement.own, least_s) ||
       !measures_depths(measurement.other_before, measurement.other, least_s)) {
     return nullptr;
   }
   return &*measurement.depth_ratio;
 }
 
-// r = e_own - e_other + [b]x dtheta_other - b s_other + n, b from other to own, and of the depths
-// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short; in
-// n is also by how much depths are wrong otherwise.
+DriftFilter::Side DriftFilter::side_of(int at, int before) const {
+  const Node &from = node(before), &to = node(at);
+  return {at, before, scale_gradient(from.p, to.p), unshared_scale_variance(from, to)};
+}
+
+// The keyframes since which depths were measured are needed where depths were used: those of what
+// was found, and for a ratio both.
+DriftFilter::Sides DriftFilter::insert_sides(std::size_t drone, const RelativePose& measurement,
+                                             bool with_ratio) {
+  const bool by_own_depths = measurement.found_by_other;
+  int own_before = -1, other_before = -1;
+  const int own = find_or_insert(to_node(0, measurement.own));
+  if (with_ratio || by_own_depths) {
+    own_before = find_or_insert(to_node(0, measurement.own_before));
+  }
+  if (with_ratio || !by_own_depths) {
+    other_before = find_or_insert(to_node(drone, measurement.other_before));
+  }
+  const int other = find_or_insert(to_node(drone, measurement.other));
+  return {side_of(own, own_before < 0 ? own : own_before),
+          side_of(other, other_before < 0 ? other : other_before)};
+}
+
+// r = e_own - e_other + [b]x dtheta_other - b s + n, b from other to own, and of the depths
+// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short, of
+// that side whose depths were used; in n is also by how much depths are wrong otherwise.
+DriftFilter::Linearised DriftFilter::linearise(const Sides& sides, const RelativePose& measurement,
+                                               const DepthRatio* ratio) const {
+  const auto& [own, other] = sides;
+  const bool by_own_depths = measurement.found_by_other;
+  const Side& used = by_own_depths ? own : other;  // whose depths were
+  const Node &k = node(own.at), &m = node(other.at);
+  const Eigen::Vector3d b = k.p - m.p;
+  Matrix76d H_own = Matrix76d::Identity(), H_other = -Matrix76d::Identity();
+  Matrix76d H_own_before = Matrix76d::Zero(), H_other_before = Matrix76d::Zero();
+  H_other.block<3, 3>(0, 3) = skew(b);
+  (by_own_depths ? H_own : H_other).topLeftCorner<3, 3>() -= b * used.scale;
+  (by_own_depths ? H_own_before : H_other_before).topLeftCorner<3, 3>() = b * used.scale;
+  Linearised result;
+  result.r.head<kSize>() = relative_residual(measurement.T_other_own, m.R, k.R, b);
+  result.noise = noise_of(measurement, ratio, m.R);
+  Vector7d by_used = Vector7d::Zero();
+  by_used.head<3>() = -b;
+  if (ratio != nullptr) {
+    H_own.bottomLeftCorner<1, 3>() = own.scale;
+    H_own_before.bottomLeftCorner<1, 3>() = -own.scale;
+    H_other.bottomLeftCorner<1, 3>() = -other.scale;
+    H_other_before.bottomLeftCorner<1, 3>() = other.scale;
+    result.r(kSize) = ratio->log_ratio;
+    by_used(kSize) = by_own_depths ? 1 : -1;
+    result.noise(kSize, kSize) += by_own_depths ? other.unshared : own.unshared;
+  }
+  result.noise += used.unshared * by_used * by_used.transpose();
+  result.terms = {{{own.at, H_own},
+                   {own.before, H_own_before},
+                   {other.at, H_other},
+                   {other.before, H_other_before}}};
+  return result;
+}
+
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
-  const std::uint64_t own_keyframe = measurement.own.keyframe_id;
-  if (said_enough(drones_[drone], own_keyframe)) return DriftOutcome::kRepeated;
+  const TimeNs own_stamp_ns = measurement.own.stamp_ns;
+  if (said_enough(drones_[drone], own_stamp_ns)) return DriftOutcome::kRepeated;
   make_room();
   const DepthRatio* ratio = usable_ratio(measurement);
-  const int own = find_or_insert(to_node(0, measurement.own));
-  const int own_before = ratio != nullptr ? find_or_insert(to_node(0, ratio->own_before)) : own;
-  const int before = find_or_insert(to_node(drone, measurement.other_before));
-  const int other = find_or_insert(to_node(drone, measurement.other));
-  if (own == other) return DriftOutcome::kInvalid;
-  const Node &k = node(own), &m = node(other);
-  const Eigen::Vector3d b = k.p - m.p;
-  const Eigen::RowVector3d s_other = scale_gradient(node(before).p, m.p);
-  Matrix76d H_own = Matrix76d::Identity(), H_own_before = Matrix76d::Zero();
-  Matrix76d H_other = -Matrix76d::Identity(), H_before = Matrix76d::Zero();
-  H_other.topLeftCorner<3, 3>() -= b * s_other;
-  H_other.block<3, 3>(0, 3) = skew(b);
-  H_before.topLeftCorner<3, 3>() = b * s_other;
-  Matrix7d noise = noise_of(measurement, ratio, m.R);
-  Vector7d by_other = Vector7d::Zero(), r = Vector7d::Zero();
-  by_other.head<3>() = b;
-  r.head<kSize>() = relative_residual(measurement.T_other_own, m.R, k.R, b);
-  if (ratio != nullptr) {
-    const Eigen::RowVector3d s_own = scale_gradient(node(own_before).p, k.p);
-    H_own.bottomLeftCorner<1, 3>() = s_own;
-    H_own_before.bottomLeftCorner<1, 3>() = -s_own;
-    H_other.bottomLeftCorner<1, 3>() = -s_other;
-    H_before.bottomLeftCorner<1, 3>() = s_other;
-    r(kSize) = ratio->log_ratio;
-    by_other(kSize) = 1;
-    noise(kSize, kSize) += unshared_scale_variance(node(own_before), k);
-  }
-  noise += unshared_scale_variance(node(before), m) * by_other * by_other.transpose();
-  const std::array<std::pair<int, Matrix76d>, kNewAtOnce> terms{
-      {{own, H_own}, {own_before, H_own_before}, {other, H_other}, {before, H_before}}};
+  const Sides sides = insert_sides(drone, measurement, ratio != nullptr);
+  if (sides.own.at == sides.other.at) return DriftOutcome::kInvalid;
+  Linearised model = linearise(sides, measurement, ratio);
 
   Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kRows);
-  for (const auto& [index, H] : terms) {
-    r -= H * x_.segment<kSize>(block(index));
+  for (const auto& [index, H] : model.terms) {
+    model.r -= H * x_.segment<kSize>(block(index));
     PHt += P_.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix7d S = repetition(drones_[drone], k.stamp_ns) * noise;
-  for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
+  Matrix7d S = repetition(drones_[drone], own_stamp_ns) * model.noise;
+  for (const auto& [index, H] : model.terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
   const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;
-  if (r.dot(cholesky.solve(r)) > limit) return DriftOutcome::kGated;
+  if (model.r.dot(cholesky.solve(model.r)) > limit) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
-  x_ += W.transpose() * cholesky.matrixL().solve(r);
+  x_ += W.transpose() * cholesky.matrixL().solve(model.r);
   P_ -= W.transpose() * W;
-  count_used(drones_[drone], own_keyframe);
+  count_used(drones_[drone], own_stamp_ns);
   return DriftOutcome::kUsed;
 }
 

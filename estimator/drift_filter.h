@@ -10,17 +10,19 @@
 //   e_b = F_ab e_a + w,   F_ab = [I  -[p_b - p_a]x zz^T; 0  I],   cov(w) = P_b - F_ab P_a F_ab^T,
 // (yaw turns what comes after it; tilt is kept by gravity and does not). A keyframe is put into its
 // drone's chain when it is first needed, between those that are there (Brownian bridge). Two
-// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns;
-// and where both have measured their depths, by how much more the one's odometry is wrong over the
-// way on which it did than the other's.
+// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns,
+// whichever of the two has found the other's; and where both have measured their depths, by how
+// much more the one's odometry is wrong over the way on which it did than the other's.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "estimator/measurements.h"
@@ -35,6 +37,10 @@ struct DriftConfig {
   // A peer's claim to drift less than this share of the own odometry over the same time is not
   // believed (variances).
   double least_claim = 0.5;
+  // What a peer says to have found of the own landmarks is not verified here: it counts as at least
+  // that uncertain (standard deviations, added).
+  double found_position_sigma_m = 0.002;  // m
+  double found_angle_sigma = 2e-4;        // rad
   // For about so long two drones that fly together see the same pairs of corners, and the errors of
   // their relative poses are not new each time: more of them say no more.
   double same_corners_s = 1.0;  // s
@@ -99,8 +105,7 @@ class DriftFilter {
     std::string name;
     World world;
     WorldVote vote;
-    std::optional<TimeNs> last_used_ns;  // own stamp of its last relative pose
-    std::map<std::uint64_t, int> heard;  // relative poses used, by own keyframe; the newest ones
+    std::map<TimeNs, int> heard;  // relative poses used, by the own keyframe's stamp; the newest
   };
   // Indices of nodes; -1: none.
   struct Neighbours {
@@ -120,6 +125,7 @@ class DriftFilter {
     return nodes_[static_cast<std::size_t>(index)];
   }
   [[nodiscard]] Matrix6d believable(const KeyframePose& peer) const;
+  [[nodiscard]] RelativePose believable(RelativePose measurement) const;
   [[nodiscard]] Node to_node(std::size_t drone, const KeyframePose& pose) const;
   [[nodiscard]] Neighbours neighbours(std::size_t drone, TimeNs stamp_ns) const;
   [[nodiscard]] int find_or_insert(const Node& node);
@@ -128,12 +134,35 @@ class DriftFilter {
   void make_room();
   void forget(int index);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
-  [[nodiscard]] double repetition(Drone& drone, TimeNs own_stamp_ns);
+  [[nodiscard]] double repetition(const Drone& drone, TimeNs own_stamp_ns) const;
   // Has the drone said all that is believed of it about this own keyframe?
-  [[nodiscard]] bool said_enough(const Drone& drone, std::uint64_t own_keyframe) const;
-  void count_used(Drone& drone, std::uint64_t own_keyframe);
+  [[nodiscard]] bool said_enough(const Drone& drone, TimeNs own_stamp_ns) const;
+  void count_used(Drone& drone, TimeNs own_stamp_ns);
   // Of the share by which depths measured on a way are wrong otherwise than the way itself.
   [[nodiscard]] static double unshared_scale_variance(const Node& from, const Node& to);
+  // A keyframe of a relative pose in the state, and the one since which its drone measured depths.
+  struct Side {
+    int at = 0, before = 0;  // nodes; the same where depths do not matter
+    Eigen::RowVector3d scale = Eigen::RowVector3d::Zero();  // scale_gradient
+    double unshared = 0;  // variance, of how depths are wrong otherwise than the way
+  };
+  struct Sides {
+    Side own, other;
+  };
+  using Vector7d = Eigen::Matrix<double, 7, 1>;
+  using Matrix76d = Eigen::Matrix<double, 7, 6>;
+  // Of a relative pose and the ratio of depths: what is left over, how it changes with the errors
+  // of some nodes, and the covariance of its noise.
+  struct Linearised {
+    Vector7d r = Vector7d::Zero();
+    std::array<std::pair<int, Matrix76d>, 4> terms;
+    Matrix7d noise = Matrix7d::Identity();
+  };
+  [[nodiscard]] Side side_of(int at, int before) const;
+  [[nodiscard]] Sides insert_sides(std::size_t drone, const RelativePose& measurement,
+                                   bool with_ratio);
+  [[nodiscard]] Linearised linearise(const Sides& sides, const RelativePose& measurement,
+                                     const DepthRatio* ratio) const;
   // None if the ratio of the depths says nothing of both drones' odometry.
   [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);

@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,7 @@ using TimeNs = std::int64_t;
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix7d = Eigen::Matrix<double, 7, 7>;
 
 struct ImuSample {
   TimeNs stamp_ns = 0;
@@ -135,8 +137,18 @@ struct PeerLandmark {
   LandmarkPatch patch{};
 };
 
-// A keyframe of one drone, sent to the one that asked (the paper's MessageUAV). Pose, its
-// covariance and the landmarks' depths are nearly the joint covariance of all landmarks.
+// Where a camera stood, seen from a keyframe of another drone whose landmarks it has found.
+struct FoundKeyframe {
+  std::uint64_t keyframe_id = 0;                                     // of the other drone
+  Eigen::Isometry3d T_keyframe_cam = Eigen::Isometry3d::Identity();  // camera to camera
+  double log_depth_ratio = 0;  // of the keyframe's depths to those that the camera's drone measured
+  // Of [dp dtheta], both in the keyframe's axes, R = Exp(dtheta) R^, and of the log ratio.
+  Matrix7d covariance = Matrix7d::Identity();
+};
+
+// A keyframe of one drone for another: an answer to the one that asked (the paper's MessageUAV), or
+// back to the one that has answered, what came of it. Pose, its covariance and the landmarks'
+// depths are nearly the joint covariance of all landmarks.
 struct PeerKeyframe {
   std::string sender;
   std::string receiver;
@@ -144,7 +156,9 @@ struct PeerKeyframe {
   KeyframePose pose;                      // in the sender's world
   KeyframePose before;                    // the other end of the way on which depths were measured
   double patch_spacing = 0;               // between the samples of the patches, normalised plane
-  std::vector<PeerLandmark> landmarks;
+  std::vector<PeerLandmark> landmarks;    // of an answer
+  // Back to who has answered: what `pose` has found of the receiver's keyframe.
+  std::optional<FoundKeyframe> found;
 };
 
 // Own track `track_id` and a landmark of another keyframe are the same point of the scene.

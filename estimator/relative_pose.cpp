@@ -13,7 +13,6 @@ namespace covey {
 namespace {
 
 using Matrix37d = Eigen::Matrix<double, 3, 7>;
-using Matrix7d = Eigen::Matrix<double, 7, 7>;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 
 constexpr int kIterations = 15;
@@ -127,6 +126,12 @@ std::optional<Normal> solve(const Sightings& sightings, Hypothesis& hypothesis) 
   return normal;
 }
 
+// Of the seventh component; none if it is too uncertain to tell.
+std::optional<DepthRatio> sure_ratio(double log_ratio, const Matrix7d& covariance) {
+  if (!(covariance(6, 6) < kSureRatio * kSureRatio)) return std::nullopt;
+  return DepthRatio{log_ratio, covariance(6, 6), covariance.topRightCorner<6, 1>()};
+}
+
 }  // namespace
 
 std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
@@ -138,14 +143,61 @@ std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, i
   const Matrix7d covariance = cholesky.solve(Matrix7d::Identity());
   const Eigen::LLT<Matrix6d> fixed(covariance.topLeftCorner<6, 6>());
   if (fixed.info() != Eigen::Success || fixed.rcond() < 1e-12) return std::nullopt;
-  RelativePose pose{match.drone,       match.own,
-                    match.other,       match.other_before,
-                    found.T_other_own, covariance.topLeftCorner<6, 6>(),
-                    normal->inliers,   {}};
-  if (covariance(6, 6) < kSureRatio * kSureRatio) {
-    pose.depth_ratio = {match.own_before, found.log_ratio, covariance(6, 6),
-                        covariance.topRightCorner<6, 1>()};
+  RelativePose pose;
+  pose.drone = match.drone;
+  pose.own = match.own;
+  pose.own_before = match.own_before;
+  pose.other = match.other;
+  pose.other_before = match.other_before;
+  pose.T_other_own = found.T_other_own;
+  pose.covariance = covariance.topLeftCorner<6, 6>();
+  pose.inliers = normal->inliers;
+  pose.depth_ratio = sure_ratio(found.log_ratio, covariance);
+  return pose;
+}
+
+PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_name) {
+  PeerKeyframe message;
+  message.sender = own_name;
+  message.receiver = measurement.drone;
+  message.request_keyframe_id = measurement.own.keyframe_id;
+  message.pose = measurement.own;
+  message.before = measurement.own_before;
+  FoundKeyframe& found = message.found.emplace();
+  found.keyframe_id = measurement.other.keyframe_id;
+  found.T_keyframe_cam = measurement.T_other_own;
+  found.covariance.topLeftCorner<6, 6>() = measurement.covariance;
+  if (const auto& ratio = measurement.depth_ratio) {
+    found.log_depth_ratio = ratio->log_ratio;
+    found.covariance.topRightCorner<6, 1>() = ratio->covariance_with_pose;
+    found.covariance.bottomLeftCorner<1, 6>() = ratio->covariance_with_pose.transpose();
+    found.covariance(6, 6) = ratio->variance;
   }
+  return message;
+}
+
+// T_own_other is the inverse of what was found: with R = Exp(dtheta) R^ its errors are
+// -R dp + [p]x R dtheta and -R dtheta (R, p: of T_own_other), and the ratio is turned over too.
+RelativePose found_by_peer(const PeerKeyframe& message, const KeyframePose& own,
+                           const KeyframePose& own_before) {
+  const FoundKeyframe& found = *message.found;
+  RelativePose pose;
+  pose.drone = message.sender;
+  pose.own = own;
+  pose.own_before = own_before;
+  pose.other = message.pose;
+  pose.other_before = message.before;
+  pose.found_by_other = true;
+  pose.T_other_own = found.T_keyframe_cam.inverse();
+  const Eigen::Matrix3d R = pose.T_other_own.linear();
+  Matrix7d J = Matrix7d::Zero();
+  J.topLeftCorner<3, 3>() = -R;
+  J.block<3, 3>(0, 3) = skew(Eigen::Vector3d(pose.T_other_own.translation())) * R;
+  J.block<3, 3>(3, 3) = -R;
+  J(6, 6) = -1;
+  const Matrix7d covariance = J * found.covariance * J.transpose();
+  pose.covariance = covariance.topLeftCorner<6, 6>();
+  pose.depth_ratio = sure_ratio(-found.log_depth_ratio, covariance);
   return pose;
 }
 

@@ -16,8 +16,7 @@ namespace covey {
 // Depths are as wrong as odometry is over the way on which they were measured. Two drones' depths
 // of the same landmarks tell by how much more the one is wrong than the other.
 struct DepthRatio {
-  KeyframePose own_before;  // over the way from here to `own` the own depths were measured
-  double log_ratio = 0;     // of the other's depths to the own ones
+  double log_ratio = 0;  // of the other's depths to the own ones
   double variance = 1;
   Vector6d covariance_with_pose = Vector6d::Zero();  // with [dp dtheta]
 };
@@ -25,9 +24,13 @@ struct DepthRatio {
 struct RelativePose {
   std::string drone;        // whose keyframe `other` is
   KeyframePose own, other;  // each in its drone's world
-  // Over the way from here to `other` the landmarks' depths were measured: if odometry has it too
-  // short by some share, so are they, and so is the way between the cameras.
-  KeyframePose other_before;
+  // Over the way from here to the keyframe its drone has measured depths: if odometry has it too
+  // short by some share, so are they.
+  KeyframePose own_before, other_before;
+  // The other drone has found own landmarks in its image, and tells what came of it. The way
+  // between the cameras is as much too short as the depths of what was found: own ones then, else
+  // the other's.
+  bool found_by_other = false;
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera
   // Of [dp dtheta], both in the other camera's axes: R = Exp(dtheta) R^. What gravity says is not
   // in it: directions that the landmarks leave open are as uncertain as they are.
@@ -41,5 +44,12 @@ struct RelativePose {
 // when fewer than `min_inliers` matches agree or they do not fix the pose.
 [[nodiscard]] std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match,
                                                                  int min_inliers);
+
+// As the drone is told it whose keyframe was found.
+[[nodiscard]] PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_name);
+
+// What a peer has found of the keyframe `own`; `message.found` must be there.
+[[nodiscard]] RelativePose found_by_peer(const PeerKeyframe& message, const KeyframePose& own,
+                                         const KeyframePose& own_before);
 
 }  // namespace covey

@@ -23,6 +23,11 @@ bool AnswerLimiter::allows(const std::string& peer, std::uint64_t keyframe_id,
          seconds_between(sent->second, now_ns) >= config_.resend_interval_s;
 }
 
+bool AnswerLimiter::has_sent(const std::string& peer, std::uint64_t keyframe_id) const {
+  const auto history = sent_ns_.find(peer);
+  return history != sent_ns_.end() && history->second.count(keyframe_id) > 0;
+}
+
 void AnswerLimiter::sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns) {
   std::map<std::uint64_t, TimeNs>& history = sent_ns_[peer];
   const double horizon_s = std::max(config_.resend_interval_s, config_.answer_interval_s);

@@ -25,6 +25,8 @@ class AnswerLimiter {
   [[nodiscard]] bool allows(const std::string& peer, TimeNs now_ns) const;
   [[nodiscard]] bool allows(const std::string& peer, std::uint64_t keyframe_id,
                             TimeNs now_ns) const;
+  // Lately, as long as it matters for the intervals.
+  [[nodiscard]] bool has_sent(const std::string& peer, std::uint64_t keyframe_id) const;
   void sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns);
 
  private:

@@ -228,7 +228,8 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
           keyframe.pose,
           keyframe.before,
           patch_spacing_,
-          to_peer_landmarks(landmarks)};
+          to_peer_landmarks(landmarks),
+          {}};
 }
 
 PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
@@ -356,6 +357,12 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   limiter_.sent(advert.sender, answer->pose.keyframe_id, now_ns_);
   ++report_.answered;
   return answer;
+}
+
+const Keyframe* Collaborator::answered_with(const PeerKeyframe& message) const {
+  if (!message.found || message.receiver != config_.agent) return nullptr;
+  const std::uint64_t keyframe_id = message.found->keyframe_id;
+  return limiter_.has_sent(message.sender, keyframe_id) ? database_.find(keyframe_id) : nullptr;
 }
 
 bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {

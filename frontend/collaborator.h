@@ -138,6 +138,10 @@ class Collaborator {
   // The stored keyframe that looks most like the peer's place.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
+  // The own keyframe that a peer tells to have found, if it was answered with that lately; else
+  // null.
+  [[nodiscard]] const Keyframe* answered_with(const PeerKeyframe& message) const;
+
   // Where a peer's world lies in the own one, as far as that is known by now: what it has seen is
   // looked for there first.
   void know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer);

@@ -177,7 +177,7 @@ TEST(Pipeline, AloneItAsksNobodyAndAnswersNobody) {
   Drone drone("uav0", FlightMode::kSolo);
   for (std::size_t i = 0; i < 5; ++i) EXPECT_FALSE(drone.fly(i).advert);
   EXPECT_FALSE(drone.pipeline().answer(PlaceAdvert()));
-  EXPECT_EQ(drone.pipeline().fuse(PeerKeyframe()), PeerOutcome::kRejected);
+  EXPECT_EQ(drone.pipeline().fuse(PeerKeyframe()).outcome, PeerOutcome::kRejected);
   EXPECT_FALSE(drone.pipeline().collaboration());
 }
 
@@ -202,6 +202,35 @@ TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
   EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
   EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
   EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
+}
+
+TEST(Pipeline, WhoAnswersHearsWhatCameOfIt) {
+  const KeyframeRule each{0, 0, 0};
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
+  Drone other("uav1", FlightMode::kCollaborative);
+  int fused = 0, learned = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.advert) continue;
+    const auto answer = other.pipeline().answer(*mine.advert);
+    if (!answer) continue;
+    PeerResult result = one.pipeline().fuse(*answer);
+    EXPECT_EQ(result.outcome == PeerOutcome::kFused, result.reply.has_value());
+    if (!result.reply) continue;
+    ++fused;
+    EXPECT_EQ(result.reply->receiver, "uav1");
+    EXPECT_EQ(result.reply->found->keyframe_id, answer->pose.keyframe_id);
+    PeerKeyframe invented = *result.reply;
+    invented.found->keyframe_id += 1000;
+    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
+    const PeerResult told = other.pipeline().fuse(*result.reply);
+    EXPECT_FALSE(told.reply) << "nobody answers that";
+    learned += told.outcome == PeerOutcome::kFused ? 1 : 0;
+  }
+  EXPECT_GT(fused, 0);
+  EXPECT_GT(learned, 0);
+  EXPECT_TRUE(other.pipeline().team_knowledge()->alignment("uav0"));
 }
 
 TEST(Pipeline, NotAboutEachKeyframeIsAsked) {
@@ -309,7 +338,7 @@ TEST(Pipeline, AHostileMessageIsRejected) {
   message.receiver = "uav0";
   message.landmarks.resize(3);
   message.landmarks[0].inverse_depth = std::nan("");
-  EXPECT_EQ(drone.pipeline().fuse(message), PeerOutcome::kRejected);
+  EXPECT_EQ(drone.pipeline().fuse(message).outcome, PeerOutcome::kRejected);
 }
 
 }  // namespace

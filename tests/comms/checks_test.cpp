@@ -35,6 +35,32 @@ std::string odometry_problem(const std::function<void(Odometry&)>& damage) {
   return problem_after<Odometry>(samples::odometry(), damage);
 }
 
+std::string found_problem(const std::function<void(PeerKeyframe&)>& damage) {
+  return problem_after<PeerKeyframe>(samples::found(), damage);
+}
+
+TEST(Checks, WhatWasFoundIsPlausibleAndComesAlone) {
+  EXPECT_EQ(found_problem([](auto&) {}), "");
+  EXPECT_EQ(found_problem([](auto& m) { m.landmarks.push_back(samples::landmark(1)); }),
+            "what was found comes with landmarks");
+  FullPeerKeyframe full = samples::full_keyframe();
+  full.keyframe = samples::found();
+  EXPECT_EQ(problem_with(full).value_or(""), "what was found comes with a whole filter");
+  for (const double bad : {kNan, kInfinity, 1e6}) {
+    EXPECT_EQ(found_problem([&](auto& m) { m.found->T_keyframe_cam.translation().z() = bad; }),
+              "position not plausible");
+    EXPECT_EQ(found_problem([&](auto& m) { m.found->log_depth_ratio = bad; }),
+              "depth ratio not plausible");
+  }
+  EXPECT_EQ(found_problem([](auto& m) { m.found->T_keyframe_cam.linear() *= 2; }),
+            "attitude is not a rotation");
+  const std::string implausible =
+      "covariance of what was found not positive definite or not plausible";
+  for (const double bad : {kNan, 0.0, -1.0, 1e9}) {
+    EXPECT_EQ(found_problem([&](auto& m) { m.found->covariance(6, 6) = bad; }), implausible);
+  }
+}
+
 TEST(Checks, GoodMessagesHaveNoProblem) {
   EXPECT_EQ(problem_with(samples::advert()).value_or(""), "");
   EXPECT_EQ(problem_with(samples::keyframe()).value_or(""), "");

@@ -61,6 +61,22 @@ TEST(Convert, KeyframeSurvivesTheWire) {
   }
 }
 
+TEST(Convert, WhatWasFoundSurvivesTheWire) {
+  const PeerKeyframe sent = samples::found();
+  const auto decoded = decode_peer_keyframe(encode(sent));
+  const PeerKeyframe& got = accepted(decoded);
+  EXPECT_EQ(got.receiver, sent.receiver);
+  EXPECT_EQ(got.pose.keyframe_id, sent.pose.keyframe_id);
+  EXPECT_TRUE(got.landmarks.empty());
+  ASSERT_TRUE(got.found);
+  EXPECT_EQ(got.found->keyframe_id, sent.found->keyframe_id);
+  EXPECT_EQ(got.found->T_keyframe_cam.translation(), sent.found->T_keyframe_cam.translation());
+  EXPECT_TRUE(got.found->T_keyframe_cam.isApprox(sent.found->T_keyframe_cam, 1e-6));
+  EXPECT_EQ(got.found->log_depth_ratio, sent.found->log_depth_ratio);
+  EXPECT_TRUE(got.found->covariance.isApprox(sent.found->covariance, 1e-6));
+  EXPECT_FALSE(accepted(decode_peer_keyframe(encode(samples::keyframe()))).found);
+}
+
 // Bearings to a thirtieth of a pixel, depths to a fiftieth of a percent, their uncertainty never
 // less than it was.
 TEST(Convert, LandmarksAreRoundedFinely) {
@@ -160,6 +176,7 @@ TEST(Convert, SizesAreWhatTheMethodCountsWith) {
   const std::size_t with_80 = encode(samples::keyframe("uav1", "uav0", 80)).size();
   EXPECT_EQ(with_80 - with_40, 40u * 27u);
   EXPECT_LT(with_40, 1450u);
+  EXPECT_LT(encode(samples::found()).size(), 520u);
   PeerKeyframe without_patches = samples::keyframe("uav1", "uav0", 40);
   without_patches.patch_spacing = 0;
   EXPECT_EQ(encode(without_patches).size() + 40u * 12u, with_40);

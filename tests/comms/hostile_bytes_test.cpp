@@ -41,6 +41,8 @@ std::vector<MessageType> message_types() {
        encode(samples::advert())},
       {"MessageUAV", [](const Bytes& b) { return reason(decode_peer_keyframe(b)); },
        encode(samples::keyframe())},
+      {"MessageUAV of what was found",
+       [](const Bytes& b) { return reason(decode_peer_keyframe(b)); }, encode(samples::found())},
       {"FullMessageUAV", [](const Bytes& b) { return reason(decode_full_keyframe(b)); },
        encode(samples::full_keyframe())},
       {"AgentStatus", [](const Bytes& b) { return reason(decode_status(b)); },

@@ -73,6 +73,15 @@ TEST(TokenBucket, WhatIsLargerThanTheBurstGoesFromAFullBucketAndLeavesADebt) {
   EXPECT_TRUE(bucket.has(1, at(4001)));
 }
 
+TEST(Outbox, WhatWasFoundGoesBeforeAnAnswerAndHoldsNoLandmarks) {
+  Outbox outbox(narrow());
+  std::uint64_t wire_bytes = 0;
+  const Bytes found = encode(samples::found());
+  outbox.offer(message("uav1", 5, worth(samples::keyframe("uav1", "uav0", 95)), 2700), at(0));
+  outbox.offer({Kind::kMessage, {"uav1"}, 0, worth(samples::found()), found}, at(0));
+  EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(0)), ElementsAre(0, 5));
+}
+
 TEST(Outbox, WhatDdsSendsByItselfIsOwedForOneBurstAtMost) {
   Outbox outbox(narrow());
   std::uint64_t wire_bytes = 200'000;  // drones finding each other

@@ -62,6 +62,20 @@ inline PeerKeyframe keyframe(const std::string& sender = "uav1",
   return out;
 }
 
+// What came of an answer, back to who gave it.
+inline PeerKeyframe found(const std::string& sender = "uav1",
+                          const std::string& receiver = "uav0") {
+  PeerKeyframe out = keyframe(sender, receiver, 0);
+  FoundKeyframe& found = out.found.emplace();
+  found.keyframe_id = 31;
+  found.T_keyframe_cam.linear() =
+      Eigen::AngleAxisd(-0.3, Eigen::Vector3d(2, 1, 0).normalized()).toRotationMatrix();
+  found.T_keyframe_cam.translation() = Eigen::Vector3d(0.5, -1.25, 2);
+  found.log_depth_ratio = 0.0078125;
+  found.covariance = 1e-5 * Matrix7d::Identity() + Matrix7d::Constant(1e-6);
+  return out;
+}
+
 // Of a filter whose calibration is not estimated.
 inline FilterSnapshot filter(Eigen::Index clones = 3, Eigen::Index landmarks = 2) {
   FilterSnapshot out;

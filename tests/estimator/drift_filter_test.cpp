@@ -136,7 +136,7 @@ RelativePose compared(const Walk& own, std::size_t i, const Walk& other, std::si
   RelativePose pose = relative(own, i, other, j, seed);
   pose.T_other_own.translation() *= 1 - too_short(other, j - 6, j);
   DepthRatio ratio;
-  ratio.own_before = own.keyframes[i - 6];
+  pose.own_before = own.keyframes[i - 6];
   ratio.log_ratio =
       too_short(own, i - 6, i) - too_short(other, j - 6, j) + kSigma * random.gaussian();
   ratio.variance = kSigma * kSigma;
@@ -175,6 +175,75 @@ TEST(DriftFilter, ComparedDepthsTellWhoseOdometryIsWrong) {
   EXPECT_NEAR(nees / kRuns, 3.0, 1.0);
 }
 
+// The own drone is followed by another, which comes by each of its places six keyframes later and
+// finds it, and tells.
+TEST(DriftFilter, WhatAPeerHasFoundHelpsTheOneItFollowsToo) {
+  double alone = 0, together = 0, nees = 0;
+  constexpr int kRuns = 60;
+  int used = 0, told = 0;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    const Walk own = walk(2 * seed, 60, {0, 0, 0}), other = walk(2 * seed + 1, 60, {-3, 0, 0});
+    DriftFilter filter({}, "uav0");
+    for (std::size_t i = 0; i < 60; ++i) {
+      filter.add_own(own.keyframes[i]);
+      if (i < 12 || i % 3 != 0) continue;
+      const RelativePose found = compared(other, i, own, i - 6, 100 * seed + i);
+      RelativePose by_peer = found;
+      by_peer.drone = "uav0";
+      ++told;
+      used += filter.add(found_by_peer(as_told(by_peer, "uav1"), found.other,
+                                       found.other_before)) == DriftOutcome::kUsed;
+    }
+    const Odometry last = odometry_at(own.keyframes.back());
+    const Eigen::Vector3d truth = own.truth.back().translation();
+    const Odometry better = filter.corrected(last);
+    const Eigen::Vector3d error = better.pose.p_world_imu - truth;
+    alone += (last.pose.p_world_imu - truth).squaredNorm();
+    together += error.squaredNorm();
+    nees += error.dot(better.pose_covariance.topLeftCorner<3, 3>().llt().solve(error));
+    EXPECT_GT(least_eigenvalue(filter), 0);
+  }
+  EXPECT_GT(used, 0.99 * told);
+  EXPECT_LT(together, 0.75 * alone);
+  EXPECT_NEAR(nees / kRuns, 3.0, 1.0);
+}
+
+// Own depths that are too small make the way to the peer's camera too short, not the peer's.
+TEST(DriftFilter, WhatAPeerHasFoundIsAsLongAsOwnDepthsHaveIt) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-10, 0, 0});
+  const auto found = [&](double longer) {
+    DriftFilter filter({}, "uav0");
+    RelativePose pose = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
+                                      own.keyframes[12], own.keyframes[6]);
+    pose.T_other_own.translation() *= longer;
+    EXPECT_EQ(filter.add(pose), DriftOutcome::kUsed);
+    EXPECT_EQ(filter.keyframes(), 3)
+        << "the own one, since when its depths were measured, the peer's";
+    return filter.corrected(odometry_at(own.keyframes[12])).pose.p_world_imu.y();
+  };
+  // Ten metres aside that are said to be longer, by depths that were measured on the way along y.
+  EXPECT_LT(found(1.003), found(1) - 1e-5);
+  EXPECT_GT(found(0.997), found(1) + 1e-5);
+}
+
+TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  DriftFilter honest({}, "uav0"), lied_to({}, "uav0");
+  RelativePose pose = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
+                                    own.keyframes[12], own.keyframes[6]);
+  pose.covariance *= 1e-6;
+  EXPECT_EQ(lied_to.add(pose), DriftOutcome::kUsed);
+  pose.found_by_other = false;  // own work
+  pose.other_before = other.keyframes[6];
+  EXPECT_EQ(honest.add(pose), DriftOutcome::kUsed);
+  const auto position_variance = [&](const DriftFilter& filter) {
+    return filter.corrected(odometry_at(own.keyframes[12]))
+        .pose_covariance.topLeftCorner<3, 3>()
+        .trace();
+  };
+  EXPECT_GT(position_variance(lied_to), position_variance(honest) + 1e-6);
+}
+
 TEST(DriftFilter, WhoseWayIsSaidToBeTooShortHasGoneFurther) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   const auto gone_along_way = [&](double change) {
@@ -191,7 +260,7 @@ TEST(DriftFilter, WhoseWayIsSaidToBeTooShortHasGoneFurther) {
 TEST(DriftFilter, DepthsOfTheFirstMomentsAreNotCompared) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   RelativePose early = compared(own, 12, other, 12, 3);
-  early.depth_ratio->own_before = own.keyframes[8];  // two seconds
+  early.own_before = own.keyframes[8];  // two seconds
   DriftFilter plain({}, "uav0"), comparing({}, "uav0");
   EXPECT_EQ(comparing.add(early), DriftOutcome::kUsed);
   early.depth_ratio.reset();

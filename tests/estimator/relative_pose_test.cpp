@@ -111,6 +111,73 @@ TEST(RelativePose, PoseAndRatioTogetherAreAsUncertainAsTheirCovarianceSays) {
   EXPECT_NEAR(nees / kRuns, 7.0, 1.0);
 }
 
+KeyframePose keyframe(std::uint64_t id) {
+  KeyframePose pose;
+  pose.keyframe_id = id;
+  pose.T_world_cam.translation() = Eigen::Vector3d(static_cast<double>(id), 0, 2);
+  return pose;
+}
+
+// A message from uav1, whose camera has found this drone's keyframe 5.
+PeerKeyframe told_by_uav1(const RelativePose& found) {
+  RelativePose as_uav1_has_it = found;
+  as_uav1_has_it.drone = "uav0";
+  as_uav1_has_it.own = keyframe(8);
+  as_uav1_has_it.own_before = keyframe(2);
+  as_uav1_has_it.other = keyframe(5);
+  return as_told(as_uav1_has_it, "uav1");
+}
+
+TEST(RelativePose, ToldToTheOtherDroneItIsTheSameSeenFromThere) {
+  constexpr double kLogRatio = 0.03;
+  const auto found = estimate_relative_pose(make_match(1, 12, 0, kLogRatio), 8);
+  ASSERT_TRUE(found && found->depth_ratio);
+  const PeerKeyframe message = told_by_uav1(*found);
+  EXPECT_EQ(message.sender, "uav1");
+  EXPECT_EQ(message.receiver, "uav0");
+  ASSERT_TRUE(message.found);
+  EXPECT_EQ(message.found->keyframe_id, 5u);
+  const RelativePose mirrored = found_by_peer(message, keyframe(5), keyframe(4));
+  EXPECT_TRUE(mirrored.found_by_other);
+  EXPECT_EQ(mirrored.drone, "uav1");
+  EXPECT_EQ(mirrored.own.keyframe_id, 5u);
+  EXPECT_EQ(mirrored.own_before.keyframe_id, 4u);
+  EXPECT_EQ(mirrored.other.keyframe_id, 8u);
+  EXPECT_EQ(mirrored.other_before.keyframe_id, 2u);
+  EXPECT_TRUE(mirrored.T_other_own.isApprox(found->T_other_own.inverse(), 1e-9));
+  ASSERT_TRUE(mirrored.depth_ratio);
+  EXPECT_NEAR(mirrored.depth_ratio->log_ratio, -found->depth_ratio->log_ratio, 1e-12);
+  EXPECT_NEAR(mirrored.depth_ratio->variance, found->depth_ratio->variance, 1e-15);
+
+  const auto without = estimate_relative_pose(make_match(1, 12, 0), 8);
+  ASSERT_TRUE(without);
+  EXPECT_FALSE(found_by_peer(told_by_uav1(*without), keyframe(5), keyframe(4)).depth_ratio);
+}
+
+TEST(RelativePose, ItsCovarianceSeenFromTheOtherSideIsThatOfErrorsSeenFromThere) {
+  const auto found = estimate_relative_pose(make_match(1, 30, 1, 0.01), 8);
+  ASSERT_TRUE(found && found->depth_ratio);
+  const RelativePose mirrored = found_by_peer(told_by_uav1(*found), keyframe(5), keyframe(4));
+  constexpr double kStep = 1e-6;
+  Matrix7d J = Matrix7d::Zero();  // d(error seen from there) / d(error)
+  for (int i = 0; i < 6; ++i) {
+    const Vector6d step = kStep * Vector6d::Unit(i);
+    Eigen::Isometry3d T = found->T_other_own;
+    T.translation() += step.head<3>();
+    T.linear() = exp_so3(Eigen::Vector3d(step.tail<3>())) * T.linear();
+    const Eigen::Isometry3d from_there = T.inverse();
+    J.col(i).head<3>() = (from_there.translation() - mirrored.T_other_own.translation()) / kStep;
+    J.col(i).segment<3>(3) =
+        log_so3(from_there.linear() * mirrored.T_other_own.linear().transpose()) / kStep;
+  }
+  J(6, 6) = -1;
+  const Matrix7d P = told_by_uav1(*found).found->covariance;
+  const Matrix7d expected = J * P * J.transpose();
+  EXPECT_TRUE(mirrored.covariance.isApprox(expected.topLeftCorner<6, 6>(), 1e-4));
+  EXPECT_TRUE(
+      mirrored.depth_ratio->covariance_with_pose.isApprox(expected.topRightCorner<6, 1>(), 1e-4));
+}
+
 // As in flights: most lie within a third of the sigma, one in five far off.
 TEST(RelativePose, AFewThatWereFoundBadlyCostLittle) {
   double with_tail = 0, without = 0, nees = 0;

@@ -76,6 +76,7 @@ void write_all(const std::filesystem::path& folder) {
   for (const std::size_t landmarks : {0u, 1u, 3u, 40u})
     write(folder / ("message_" + std::to_string(landmarks)),
           encode(covey::samples::keyframe("uav1", "uav0", landmarks)));
+  write(folder / "found", encode(covey::samples::found()));
   write(folder / "full_message", encode(covey::samples::full_keyframe()));
   write(folder / "small_full_message",
         encode(covey::FullPeerKeyframe{covey::samples::keyframe("uav1", "uav0", 1),
