@@ -235,7 +235,8 @@ std::optional<FeatureExchange::Told> FeatureExchange::tell(std::size_t drone,
                                                            const RelativePose& found) {
   const auto receiver = std::find_if(drones_.begin(), drones_.end(),
                                      [&](const Drone& other) { return other.name == found.drone; });
-  if (receiver == drones_.end() || receiver->name == drones_[drone].name) return std::nullopt;
+  const bool heard = receiver != drones_.end() && receiver->name != drones_[drone].name;
+  if (!heard || !config_.limits.tell_found) return std::nullopt;
   const auto own = std::find_if(receiver->keyframes.begin(), receiver->keyframes.end(),
                                 [&](const FlownKeyframe& keyframe) {
                                   return keyframe.pose.keyframe_id == found.other.keyframe_id;

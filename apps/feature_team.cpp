@@ -27,20 +27,17 @@ void count(const std::string& drone, const std::string& own_name, bool used, boo
 }
 
 // Flights that were flown, with a corrector beside each that has add_own() and corrected();
-// `fuse(i, match)` gives drone i a match.
-template <typename Corrector, typename Fuse>
+// `fuse(i, match, member)` gives drone i a match and returns the relative pose if that was used,
+// `tell(i, found, members)` passes on what came of an answer.
+template <typename Corrector, typename Fuse, typename Tell>
 std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exchange,
-                                     std::vector<Corrector>& correctors, const Fuse& fuse) {
+                                     std::vector<Corrector>& correctors, const Fuse& fuse,
+                                     const Tell& tell) {
   std::vector<TeamMember> members(team.names.size());
   const auto timed = [&](std::size_t i, const auto& work) {
     const double start_ms = thread_cpu_ms();
     work();
     members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
-  };
-  const auto fuse_all = [&](std::size_t i, const std::vector<KeyframeMatch>& matches) {
-    timed(i, [&] {
-      for (const KeyframeMatch& match : matches) fuse(i, match, members);
-    });
   };
   for (std::size_t k = 0; k < team.flights.front().size(); ++k) {
     for (std::size_t i = 0; i < members.size(); ++i) {
@@ -48,7 +45,10 @@ std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exch
       if (image.keyframe) {
         correctors[i].add_own(image.keyframe->pose);
         exchange.add_keyframe(i, *image.keyframe);
-        fuse_all(i, exchange.revisit(i));
+        const std::vector<KeyframeMatch> matches = exchange.revisit(i);
+        timed(i, [&] {
+          for (const KeyframeMatch& match : matches) (void)fuse(i, match, members[i]);
+        });
       }
       Odometry corrected;
       timed(i, [&] { corrected = correctors[i].corrected(image.alone); });
@@ -56,7 +56,12 @@ std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exch
     }
     // Answers come after the image.
     for (std::size_t i = 0; i < members.size(); ++i) {
-      if (team.flights[i][k].keyframe) fuse_all(i, exchange.ask(i));
+      if (!team.flights[i][k].keyframe) continue;
+      for (const KeyframeMatch& match : exchange.ask(i)) {
+        std::optional<RelativePose> found;
+        timed(i, [&] { found = fuse(i, match, members[i]); });
+        if (found) tell(i, *found, members);
+      }
     }
   }
   for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
@@ -153,33 +158,36 @@ std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange excha
     const DriftOutcome outcome = filters[i].add(relative);
     count(relative.drone, team.names[i], outcome == DriftOutcome::kUsed,
           outcome == DriftOutcome::kGated, member);
-    return outcome;
+    return outcome == DriftOutcome::kUsed;
   };
-  const auto fuse = [&](std::size_t i, const KeyframeMatch& match,
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
+    auto relative = estimate_relative_pose(match, min_matches);
+    if (relative && !use(i, *relative, member)) relative.reset();
+    return relative;
+  };
+  const auto tell = [&](std::size_t i, const RelativePose& found,
                         std::vector<TeamMember>& members) {
-    const auto relative = estimate_relative_pose(match, min_matches);
-    if (!relative || use(i, *relative, members[i]) != DriftOutcome::kUsed) return;
-    if (const auto told = exchange.tell(i, *relative)) {
-      (void)use(told->drone, told->found, members[told->drone]);
-    }
+    const auto told = exchange.tell(i, found);
+    if (told) (void)use(told->drone, told->found, members[told->drone]);
   };
-  return exchange_all(team, exchange, filters, fuse);
+  return exchange_all(team, exchange, filters, fuse, tell);
 }
 
 std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team, FeatureExchange exchange,
                                                    int min_matches) {
   std::vector<SplitIntersection> filters(team.names.size());
-  const auto fuse = [&](std::size_t i, const KeyframeMatch& match,
-                        std::vector<TeamMember>& members) {
+  const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
     const auto relative = estimate_relative_pose(match, min_matches);
-    if (!relative) return;
+    if (!relative) return std::optional<RelativePose>();
     const auto other = static_cast<std::size_t>(std::distance(
         team.names.begin(), std::find(team.names.begin(), team.names.end(), match.drone)));
     const std::optional<DriftEstimate> theirs = filters[other].at(match.other.keyframe_id);
     const bool used = theirs && filters[i].fuse(*relative, *theirs);
-    count(match.drone, team.names[i], used, !used, members[i]);
+    count(match.drone, team.names[i], used, !used, member);
+    return used ? relative : std::nullopt;
   };
-  return exchange_all(team, exchange, filters, fuse);
+  const auto tell_nobody = [](std::size_t, const RelativePose&, std::vector<TeamMember>&) {};
+  return exchange_all(team, exchange, filters, fuse, tell_nobody);
 }
 
 std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,

@@ -298,7 +298,8 @@ PeerResult Pipeline::fuse(const KeyframeMatch& match) {
     const DriftOutcome outcome = fuse(*relative);
     PeerResult result{to_peer_outcome(outcome), {}};
     const bool agrees = outcome == DriftOutcome::kUsed || outcome == DriftOutcome::kUnaligned;
-    if (agrees && config_.collaboration.exchange == ExchangeMode::kCompact) {
+    const CollaboratorConfig& collaboration = config_.collaboration;
+    if (agrees && collaboration.tell_found && collaboration.exchange == ExchangeMode::kCompact) {
       result.reply = as_told(*relative, config_.agent.name);
     }
     return result;

@@ -92,6 +92,12 @@ std::vector<TeamMember> fuse_own_loops(const SimulatedTeam& team) {
                       team.exchange.limits.matching.min_matches);
 }
 
+std::vector<TeamMember> fuse_untold(const SimulatedTeam& team) {
+  FeatureExchangeConfig exchange = team.exchange;
+  exchange.limits.tell_found = false;
+  return fuse(team, exchange);
+}
+
 // No corner is off, and everybody answers every keyframe with all that it has.
 std::vector<TeamMember> fuse_unlimited(const SimulatedTeam& team) {
   FeatureExchangeConfig exchange = team.exchange;
@@ -145,6 +151,7 @@ std::vector<Variant> variants() {
                                            FeatureExchange(team.exchange, team.solo.names),
                                            team.exchange.limits.matching.min_matches);
        }},
+      {"joint, and nobody hears what came of its answer", fuse_untold},
       {"joint, unlimited answers, corners coincide", fuse_unlimited},
       {"the central filter, each drone by itself",
        [](const SimulatedTeam& team) { return fuse_centrally(team, each_by_itself(team)); }},

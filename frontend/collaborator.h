@@ -73,6 +73,9 @@ struct CollaboratorConfig {
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
   int max_landmarks = 95;              // of an answer; all, if the exchange is not compact
 
+  // Whether who has answered is told what came of it, in the compact exchange.
+  bool tell_found = true;
+
   // Of the landmarks that should be found from the own view, as long as the peer's world is not
   // known: two places that have something in common differ in the rest.
   double least_found_share = 0.8;
