@@ -12,6 +12,7 @@
 //   }
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
 //   on keyframe: std::visit(..., collaborator.match(keyframe));         // KeyframeMatch -> filter
+//   on keyframe.found: collaborator.answered_with(keyframe);            // which own one was found
 //
 // The exchanges of the paper ask or tell at the rate of the camera: there, images that are no
 // keyframes go into add_frame().

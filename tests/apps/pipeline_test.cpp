@@ -224,6 +224,10 @@ TEST(Pipeline, WhoAnswersHearsWhatCameOfIt) {
     PeerKeyframe invented = *result.reply;
     invented.found->keyframe_id += 1000;
     EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
+    invented = *result.reply;
+    invented.sender = "uav2";
+    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected)
+        << "was not answered";
     const PeerResult told = other.pipeline().fuse(*result.reply);
     EXPECT_FALSE(told.reply) << "nobody answers that";
     learned += told.outcome == PeerOutcome::kFused ? 1 : 0;
