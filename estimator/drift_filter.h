@@ -39,8 +39,8 @@ struct DriftConfig {
   double least_claim = 0.5;
   // What a peer says to have found of the own landmarks is not verified here: it counts as at least
   // that uncertain (standard deviations, added).
-  double found_position_sigma_m = 0.002;  // m
-  double found_angle_sigma = 2e-4;        // rad
+  double found_position_sigma_m = 0.001;  // m
+  double found_angle_sigma = 1e-4;        // rad
   // For about so long two drones that fly together see the same pairs of corners, and the errors of
   // their relative poses are not new each time: more of them say no more.
   double same_corners_s = 1.0;  // s
