@@ -72,10 +72,20 @@ void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("field_length_cells", p.field.length_cells, {0.5, 100}, "[cells] correlation length");
   v.number("field_sigma", p.field.sigma, {1e-3, 100},
            "standard deviation of the field, of that of the image");
-  v.number("field_noise", p.field.noise, {1e-4, 100},
-           "of one observed difference, of the image's standard deviation");
+  v.number("field_corrected_share", p.field.corrected_share, {1e-2, 1},
+           "of that deviation, left after a shutter event");
   v.number("field_wander_s", p.field.wander_s, {0.1, kManyTimes}, "[s] until it is another");
   v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two sights");
+  v.count("block_fewest_tracks", p.block.fewest_tracks, {6, 1000}, "of two sights compared");
+  v.count("block_iterations", p.block.iterations, {0, 100}, "of aligning a block");
+  v.number("block_flow_sigma_px", p.block.flow_sigma_px, {1e-2, 100},
+           "[px] of the place that tracks predict for a block");
+  v.number("block_pixel_noise", p.block.pixel_noise, {1e-4, 100},
+           "of 4x4 px, of the image's standard deviation");
+  v.number("block_level_noise", p.block.level_noise, {1e-4, 100},
+           "of a block's mean, of the image's standard deviation");
+  v.number("block_misfit_noise", p.block.misfit_noise, {0, 100},
+           "of a block's mean, of what is left of its texture");
 }
 
 void visit_stripes(ThermalConfig& thermal, ConfigVisitor& v) {

@@ -85,11 +85,11 @@ void look_up_sensor(const cv::Mat& image, const std::vector<std::int16_t>& table
   }
 }
 
-// By how much patches have moved, px.
-double median_travel(const std::vector<FieldDifference>& patches) {
+// By how much blocks have moved, px.
+double median_travel(const std::vector<FieldDifference>& blocks) {
   std::vector<double> travels;
-  travels.reserve(patches.size());
-  for (const FieldDifference& patch : patches) travels.push_back((patch.to - patch.from).norm());
+  travels.reserve(blocks.size());
+  for (const FieldDifference& block : blocks) travels.push_back((block.to - block.from).norm());
   return travels.empty() ? 0 : median(std::move(travels));
 }
 
@@ -188,15 +188,17 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   return result;
 }
 
-// After the camera looked at its shutter gain, offset and field are others: the chain begins anew.
+// After the camera looked at its shutter gain, offset and field are others: the chain begins anew,
+// with little of a field.
 void PhotometricCalibration::restart(const cv::Mat& image) {
+  const bool corrected = blind_ && chain_ns_ != 0;
   chain_ns_ = stamp_ns_;
   choose_units(image);
   gain_.restart({});
-  field_.reset();
+  field_.reset(corrected ? config_.field.corrected_share : 1);
   stripes_.doubt();
   seen_.clear();
-  last_seen_.clear();
+  last_sight_ = {};
   rebuild_bias();
   tone_.reset();
   refreshed_ns_ = 0;
@@ -247,18 +249,19 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   }
 }
 
-// What the field did to the patches since they were last looked at, and the stripes to the image
-// if the scene has moved on.
+// What the field did to the scene since it was last looked at, and the stripes to the image if the
+// scene has moved on.
 void PhotometricCalibration::refresh(double elapsed_s) {
   refreshed_ns_ = stamp_ns_;
-  const std::vector<FieldDifference> found = differences(last_seen_, seen_);
+  Sight now = sight();
+  const auto found = compare_blocks(last_sight_, now, config_.block);
   if (config_.spatial) field_.update(elapsed_s, found);
   travelled_px_ += median_travel(found);
   if (config_.stripes && travelled_px_ >= config_.stripe.travel_px) {
     travelled_px_ = 0;
     stripes_.look(sensor_levels());
   }
-  last_seen_ = seen_;
+  last_sight_ = std::move(now);
   rebuild_bias();
 }
 
@@ -278,20 +281,17 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
   return levels;
 }
 
-std::vector<FieldDifference> PhotometricCalibration::differences(
-    const std::vector<TrackGrey>& before, const std::vector<TrackGrey>& now) const {
-  const auto level = [this](const TrackGrey& seen) {
-    return (gain_.latest()(seen.grey) - centre_) / sigma_;
-  };
-  std::vector<FieldDifference> found;
-  auto past = before.begin();
-  for (const TrackGrey& seen : now) {
-    while (past != before.end() && past->patch_id < seen.patch_id) ++past;
-    if (past == before.end()) break;
-    if (past->patch_id != seen.patch_id) continue;
-    found.push_back({past->pixel, seen.pixel, level(*past), level(seen)});
+// The current image as the field is looked for in it.
+Sight PhotometricCalibration::sight() const {
+  Sight sight{square_means(image_), seen_};
+  for (const cv::Point& bad : bad_pixels_) {
+    const cv::Point square = bad / Sight::kStep;
+    if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;
+    sight.levels.at<float>(square) = std::numeric_limits<float>::quiet_NaN();
   }
-  return found;
+  const GainOffset& map = gain_.latest();
+  sight.levels.convertTo(sight.levels, CV_32F, map.gain / sigma_, (map.offset - centre_) / sigma_);
+  return sight;
 }
 
 // Pixels that always stand out against their neighbours, while the scene moves past them.

@@ -4,7 +4,7 @@
 // taken out (Das, Matthies and Daftry, "Online photometric calibration of automatic gain thermal
 // infrared cameras", RA-L 2021), dead and hot pixels replaced, contrast spread over 8 bits. What
 // it compares are the tracker's own tracks: where they are about to be looked for gives the image's
-// gain before it is tracked, where they are found refines it.
+// gain before it is tracked, where they are found refines it; and blocks that move between them.
 //
 // 8-bit images of automatic gain and 14- or 16-bit radiometric ones go the same way. Not
 // thread-safe; same input, same output.
@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/block_differences.h"
 #include "frontend/shutter_detector.h"
 #include "frontend/spatial_field.h"
 #include "frontend/stripe_pattern.h"
@@ -37,6 +38,7 @@ struct PhotometricConfig {
   bool temporal = true, spatial = true, stripes = true;
   TemporalConfig gain;
   SpatialConfig field;
+  BlockConfig block;
   StripeConfig stripe;
   ShutterConfig shutter;
   BadPixelConfig bad_pixels;
@@ -84,8 +86,7 @@ class PhotometricCalibration {
   [[nodiscard]] GainOffset like_the_first() const;
   [[nodiscard]] std::vector<TrackGrey> look(const std::vector<TrackPlace>& places) const;
   [[nodiscard]] FieldAt field_at() const;
-  [[nodiscard]] std::vector<FieldDifference> differences(const std::vector<TrackGrey>& before,
-                                                         const std::vector<TrackGrey>& now) const;
+  [[nodiscard]] Sight sight() const;
   void refresh(double elapsed_s);
   [[nodiscard]] cv::Mat sensor_levels() const;
   void rebuild_bias();
@@ -105,11 +106,11 @@ class PhotometricCalibration {
   cv::Mat image_;  // the current one, as it came
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
-  double centre_ = 0, sigma_ = 1;     // of the chain's first image, grey levels
-  std::vector<std::int16_t> table_;   // image's grey level to calibrated level
-  cv::Mat bias_;                      // CV_16SC1, field and stripes, calibrated levels
-  std::vector<TrackGrey> seen_;       // in the last image; by patch
-  std::vector<TrackGrey> last_seen_;  // at the last refresh
+  double centre_ = 0, sigma_ = 1;    // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;  // image's grey level to calibrated level
+  cv::Mat bias_;                     // CV_16SC1, field and stripes, calibrated levels
+  std::vector<TrackGrey> seen_;      // in the last image; by patch
+  Sight last_sight_;                 // at the last refresh
   std::vector<cv::Point> suspects_, bad_pixels_;
   std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
 };

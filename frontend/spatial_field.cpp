@@ -53,9 +53,8 @@ double median_size(const Eigen::VectorXd& values) {
 }
 
 // Patches that slid, or met a depth edge, count less: square roots of Cauchy's weights of what is
-// left when the nuisance that fits best has been taken out.
-Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd& nuisance,
-                        double noise) {
+// left, in units of the noise, when the nuisance that fits best has been taken out.
+Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd& nuisance) {
   constexpr int kRounds = 3;
   constexpr double kSoft = 3;  // standard deviations
   Eigen::VectorXd weight = Eigen::VectorXd::Ones(residuals.size());
@@ -63,7 +62,7 @@ Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd&
     const Eigen::MatrixXd A = weight.asDiagonal() * nuisance;
     const Eigen::VectorXd b = weight.asDiagonal() * residuals;
     const Eigen::VectorXd rest = (residuals - nuisance * A.householderQr().solve(b)).cwiseAbs();
-    const double scale = kSoft * std::max(1.48 * median_size(rest), noise);
+    const double scale = kSoft * std::max(1.48 * median_size(rest), 1.0);
     weight = (1 + (rest / scale).array().square()).rsqrt();
   }
   return weight;
@@ -86,9 +85,10 @@ SpatialField::SpatialField(const SpatialConfig& config, cv::Size image_size)
   reset();
 }
 
-void SpatialField::reset() {
+void SpatialField::reset(double share) {
   mean_.setZero(modes_.cols());
   information_.setIdentity(modes_.cols(), modes_.cols());
+  information_ /= share * share;
   nodes_.setZero(modes_.rows());
 }
 
@@ -124,18 +124,22 @@ SpatialField::Evidence SpatialField::evidence(
   const auto rows = static_cast<Eigen::Index>(differences.size());
   const Eigen::Index modes = modes_.cols();
   Eigen::MatrixXd A(rows, 2 * modes), nuisance(rows, 2);
-  Eigen::VectorXd y(rows);
+  Eigen::VectorXd y(rows), certainty(rows);
   for (Eigen::Index i = 0; i < rows; ++i) {
     const FieldDifference& d = differences[static_cast<std::size_t>(i)];
     A.row(i) << modes_at(d.to).transpose(), -modes_at(d.from).transpose();
     y(i) = d.to_level - d.from_level;
+    certainty(i) = 1 / d.noise;
     nuisance.row(i) << 1, 0.5 * (d.to_level + d.from_level) - 0.5 * (at(d.to) + at(d.from));
   }
+  const auto weigh = [&](const Eigen::VectorXd& weight) {
+    A = weight.asDiagonal() * A;
+    y = weight.asDiagonal() * y;
+    nuisance = weight.asDiagonal() * nuisance;
+  };
+  weigh(certainty);
   const Eigen::VectorXd expected = keep * A.leftCols(modes) * mean_ + A.rightCols(modes) * mean_;
-  const Eigen::VectorXd weight = weights(y - expected, nuisance, config_.noise) / config_.noise;
-  A = weight.asDiagonal() * A;
-  y = weight.asDiagonal() * y;
-  nuisance = weight.asDiagonal() * nuisance;
+  weigh(weights(y - expected, nuisance));
   const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(nuisance).householderQ() *
                             Eigen::MatrixXd::Identity(rows, 2);
   A -= Q * (Q.transpose() * A).eval();
@@ -173,22 +177,29 @@ void SpatialField::update(double elapsed_s, const std::vector<FieldDifference>& 
 }
 
 cv::Mat SpatialField::image(double units_per_sigma) const {
+  constexpr int kFraction = 16;       // bits behind the point
+  constexpr float kMost = INT16_MAX;  // units
   cv::Mat field(image_size_, CV_16SC1);
   const Eigen::Map<const Eigen::MatrixXf> node_rows(nodes_.data(), columns_, rows_);
-  Eigen::VectorXf column(columns_);  // the nodes' row, interpolated between two rows
+  const auto cell_px = static_cast<float>(config_.cell_px);
+  Eigen::ArrayXf column(columns_);  // the nodes' row, interpolated between two rows
   for (int y = 0; y < field.rows; ++y) {
     const Corner c = corner({0, static_cast<double>(y)});
     const auto fy = static_cast<float>(c.fy);
     column = (1 - fy) * node_rows.col(c.y) + fy * node_rows.col(c.y + 1);
-    column *= static_cast<float>(units_per_sigma);
+    column = (column * static_cast<float>(units_per_sigma)).max(-kMost).min(kMost);
     auto* out = field.ptr<std::int16_t>(y);
-    const auto step = static_cast<float>(1 / config_.cell_px);
-    for (int x = 0; x < field.cols; ++x) {
-      const float cell = static_cast<float>(x) * step;
-      const int left = static_cast<int>(cell);
-      const float value =
-          column(left) + (cell - static_cast<float>(left)) * (column(left + 1) - column(left));
-      out[x] = cv::saturate_cast<std::int16_t>(value);
+    for (int cell = 0; cell + 1 < columns_; ++cell) {
+      const auto left = static_cast<float>(cell) * cell_px;
+      const int begin = static_cast<int>(std::ceil(left));
+      const int end = std::min(field.cols, static_cast<int>(std::ceil(left + cell_px)));
+      const float slope = (column(cell + 1) - column(cell)) / cell_px;
+      const float start = column(cell) + slope * (static_cast<float>(begin) - left) + 0.5F;
+      const auto step = static_cast<int>(slope * (1 << kFraction));
+      int value = static_cast<int>(start * (1 << kFraction));
+      for (int x = begin; x < end; ++x, value += step) {
+        out[x] = static_cast<std::int16_t>(value >> kFraction);
+      }
     }
   }
   return field;

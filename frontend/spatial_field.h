@@ -16,29 +16,32 @@
 namespace covey {
 
 struct SpatialConfig {
-  double cell_px = 32;        // px between the nodes of the grid
-  double length_cells = 2.5;  // correlation length, cells
-  double sigma = 0.5;         // standard deviation of the field, of that of the image
-  double noise = 0.07;        // of one observed difference, of the image's standard deviation
-  double wander_s = 25;       // s, time constant with which the field becomes another
-  double refresh_s = 0.2;     // s between two sights
+  double cell_px = 16;           // px between the nodes of the grid
+  double length_cells = 5;       // correlation length, cells
+  double sigma = 0.5;            // standard deviation of the field, of that of the image
+  double corrected_share = 0.3;  // of it, left when the camera has looked at its shutter
+  double wander_s = 25;          // s, time constant with which the field becomes another
+  double refresh_s = 0.1;        // s between two sights
 };
 
-// The same patch in two images: where it was and its grey level, in the image's standard
-// deviations.
+// The same piece of the scene in two images: where it was and its grey level, in the image's
+// standard deviations.
 struct FieldDifference {
   Eigen::Vector2d from = Eigen::Vector2d::Zero(), to = Eigen::Vector2d::Zero();  // px
   double from_level = 0, to_level = 0;
+  double noise = 0.07;  // of the difference, standard deviation
 };
 
 class SpatialField {
  public:
   SpatialField(const SpatialConfig& config, cv::Size image_size);
 
-  // Goes on by `elapsed_s` and takes in what patches show that were seen before and after.
+  // Goes on by `elapsed_s` and takes in what pieces of the scene show that were seen before
+  // and after.
   // Whatever gain and offset lie between the two images does not matter, it is projected out.
   void update(double elapsed_s, const std::vector<FieldDifference>& differences);
-  void reset();
+  // Nothing is known but that the field's deviation is `share` of the usual one.
+  void reset(double share = 1);
 
   // Its mean is zero. Bilinear between the nodes, in the image's standard deviations.
   [[nodiscard]] double at(const Eigen::Vector2d& pixel) const;
@@ -59,8 +62,9 @@ class SpatialField {
 
   SpatialConfig config_;
   cv::Size image_size_;
-  int columns_ = 0, rows_ = 0;   // of nodes
-  Eigen::MatrixXd modes_;        // nodes (row by row) x modes, each scaled by its prior deviation
+  int columns_ = 0, rows_ = 0;  // of nodes
+  // Nodes (row by row) x modes, each scaled by its prior deviation.
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> modes_;
   Eigen::VectorXd mean_;         // of the modes
   Eigen::MatrixXd information_;  // modes x modes, inverse covariance; before anything is seen: 1
   Eigen::VectorXf nodes_;        // the field, row by row

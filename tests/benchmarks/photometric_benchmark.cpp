@@ -74,17 +74,29 @@ void GainFit(benchmark::State& state) {
 }
 BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 
-std::vector<FieldDifference> differences() {
-  std::vector<FieldDifference> differences;
-  for (const TrackPlace& track : tracks(0)) {
-    const Eigen::Vector2d& p = track.place.pixel;
-    const double radiance = std::sin(7 * p.x());
-    differences.push_back(
-        {p, p + Eigen::Vector2d(33, 10), radiance, radiance + 0.1 * std::sin(p.y())});
+Sight sight(int shift) {
+  Sight sight;
+  square_means(scene(CV_8UC1, shift)).convertTo(sight.levels, CV_32F, 0.25);
+  for (const TrackPlace& track : tracks(shift)) {
+    sight.tracks.push_back({track.patch_id, track.place.pixel, 0});
   }
-  return differences;
+  return sight;
 }
-constexpr double kRefresh_s = 0.2;
+std::vector<FieldDifference> differences() {
+  return compare_blocks(sight(0), sight(6), BlockConfig{});
+}
+constexpr double kRefresh_s = 0.1;
+
+void FieldSight(benchmark::State& state) {
+  const cv::Mat image = scene(CV_8UC1, 0);
+  for (auto _ : state) benchmark::DoNotOptimize(square_means(image).data);
+}
+void FieldBlocks(benchmark::State& state) {
+  const Sight before = sight(0), now = sight(6);
+  for (auto _ : state) benchmark::DoNotOptimize(compare_blocks(before, now, BlockConfig{}).data());
+}
+BENCHMARK(FieldSight)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldBlocks)->Unit(benchmark::kMillisecond);
 
 void FieldUpdate(benchmark::State& state) {
   SpatialField field(SpatialConfig{}, kImage);

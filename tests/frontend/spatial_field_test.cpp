@@ -86,6 +86,24 @@ TEST(SpatialField, StaysFlatWithoutObservations) {
   EXPECT_EQ(cv::countNonZero(field.image(128)), 0);
 }
 
+// What three differences show must not look like much of a field then.
+TEST(SpatialField, IsSmallAfterTheCameraHasCorrectedItself) {
+  std::vector<FieldDifference> differences;
+  for (int i = 0; i < 12; ++i) {
+    const Eigen::Vector2d from(100 + 20 * i, 300), to(110 + 20 * i, 200);
+    differences.push_back({from, to, 0.1 * i * i, 0.1 * i * i + (i % 2 == 0 ? 0.2 : -0.1)});
+  }
+  SpatialField usual(SpatialConfig{}, kImage), corrected(SpatialConfig{}, kImage);
+  corrected.reset(0.1);
+  usual.update(0.1, differences);
+  corrected.update(0.1, differences);
+  const auto size = [](const SpatialField& field) {
+    return cv::norm(sampled([&](const Eigen::Vector2d& p) { return field.at(p); }));
+  };
+  EXPECT_GT(size(corrected), 0);
+  EXPECT_LT(size(corrected), 0.5 * size(usual));
+}
+
 TEST(SpatialField, OldObservationsGiveWayToNewOnes) {
   SpatialField field(SpatialConfig{}, kImage);
   std::mt19937 random(3);

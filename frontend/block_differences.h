@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What shows the additive field: blocks from all over the image, followed from one sight to the
+// next. Where a block was the tracks around it tell roughly; aligning it in images of a quarter of
+// the size, its mean taken off, tells it well enough for the mean of 32x32 px. The mean of so many
+// pixels has little noise, and there are blocks where there is no corner: at the borders, in the
+// sky.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "frontend/spatial_field.h"
+#include "frontend/temporal_gain.h"
+
+namespace covey {
+
+struct BlockConfig {
+  int fewest_tracks = 12;     // shared by two sights, otherwise they are not compared
+  int iterations = 3;         // of aligning a block
+  double flow_sigma_px = 1;   // px, of the place that tracks predict for a block
+  double pixel_noise = 0.05;  // of a pixel of the small image, of the image's standard deviation
+  double level_noise = 0.02;  // of the mean of a block that fits perfectly, likewise
+  double misfit_noise = 0.3;  // of that mean for each unit of what the texture differs, RMS
+};
+
+struct Sight {
+  static constexpr int kStep = 4;  // px, side of a square
+  cv::Mat levels;                  // CV_32FC1, mean of each square; NaN: it has none
+  std::vector<TrackGrey> tracks;   // by patch
+};
+
+// Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white) has no
+// mean: NaN.
+[[nodiscard]] cv::Mat square_means(const cv::Mat& image);
+
+// Half the blocks lie on the grid now, the other half did before, as on a chessboard. A block's
+// counterpart is interpolated and so has a little less contrast: were it always the earlier one,
+// gain would seem to rise by .7 % from each sight to the next, and the field would follow.
+[[nodiscard]] std::vector<FieldDifference> compare_blocks(const Sight& before, const Sight& now,
+                                                          const BlockConfig& config);
+
+}  // namespace covey
