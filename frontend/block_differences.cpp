@@ -143,25 +143,31 @@ struct Texture {
 // About `centre`, squares. Nothing at the image's edge, or where a square has no level.
 std::optional<Texture> texture(const cv::Mat& levels, const Eigen::Vector2d& centre,
                                const Eigen::Matrix2d& slope) {
-  Texture found;
-  const Eigen::Matrix2f A = slope.cast<float>();
   constexpr float kMiddle = 0.5F * (kBlock - 1);
-  const Eigen::Vector2f first = centre.cast<float>() - A * Eigen::Vector2f::Constant(kMiddle);
-  for (int k = 0; k < kSquares; ++k) {
-    const Eigen::Vector2f p = first + static_cast<float>(k % kBlock) * A.col(0) +
-                              static_cast<float>(k / kBlock) * A.col(1);
-    if (!(p.x() >= 0 && p.y() >= 0)) return std::nullopt;
-    if (!(p.x() < static_cast<float>(levels.cols - 1))) return std::nullopt;
-    if (!(p.y() < static_cast<float>(levels.rows - 1))) return std::nullopt;
-    const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
-    const float fx = p.x() - static_cast<float>(x), fy = p.y() - static_cast<float>(y);
-    const float* above = levels.ptr<float>(y) + x;
-    const float* below = levels.ptr<float>(y + 1) + x;
-    const float top = above[0] + fx * (above[1] - above[0]);
-    const float bottom = below[0] + fx * (below[1] - below[0]);
-    found.values(k) = top + fy * (bottom - top);
-    found.slopes(k, 0) = (1 - fy) * (above[1] - above[0]) + fy * (below[1] - below[0]);
-    found.slopes(k, 1) = bottom - top;
+  const Eigen::Matrix2f A = slope.cast<float>();
+  const Eigen::Vector2f reach = kMiddle * A.cwiseAbs().rowwise().sum();
+  const Eigen::Vector2f lowest = centre.cast<float>() - reach;
+  const Eigen::Vector2f highest = centre.cast<float>() + reach;
+  const Eigen::Array2f end(static_cast<float>(levels.cols - 1),
+                           static_cast<float>(levels.rows - 1));
+  if (!(lowest.array() >= 0).all() || !(highest.array() < end).all()) return std::nullopt;
+  Texture found;
+  Eigen::Vector2f row = centre.cast<float>() - A * Eigen::Vector2f::Constant(kMiddle);
+  for (int k = 0; k < kSquares; row += A.col(1)) {
+    Eigen::Vector2f p = row;
+    for (int u = 0; u < kBlock; ++u, ++k, p += A.col(0)) {
+      // Sums of steps may fall short of the bounds by the last bit.
+      const int x = std::clamp(static_cast<int>(p.x()), 0, levels.cols - 2);
+      const int y = std::clamp(static_cast<int>(p.y()), 0, levels.rows - 2);
+      const float fx = p.x() - static_cast<float>(x), fy = p.y() - static_cast<float>(y);
+      const float* above = levels.ptr<float>(y) + x;
+      const float* below = levels.ptr<float>(y + 1) + x;
+      const float top = above[0] + fx * (above[1] - above[0]);
+      const float bottom = below[0] + fx * (below[1] - below[0]);
+      found.values(k) = top + fy * (bottom - top);
+      found.slopes(k, 0) = (1 - fy) * (above[1] - above[0]) + fy * (below[1] - below[0]);
+      found.slopes(k, 1) = bottom - top;
+    }
   }
   found.mean = found.values.mean();
   if (!std::isfinite(found.mean)) return std::nullopt;

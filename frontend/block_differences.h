@@ -17,7 +17,7 @@ namespace covey {
 
 struct BlockConfig {
   int fewest_tracks = 12;     // shared by two sights, otherwise they are not compared
-  int iterations = 3;         // of aligning a block
+  int iterations = 2;         // of aligning a block
   double flow_sigma_px = 1;   // px, of the place that tracks predict for a block
   double pixel_noise = 0.05;  // of a pixel of the small image, of the image's standard deviation
   double level_noise = 0.02;  // of the mean of a block that fits perfectly, likewise
