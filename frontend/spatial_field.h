@@ -21,7 +21,7 @@ struct SpatialConfig {
   double sigma = 0.5;            // standard deviation of the field, of that of the image
   double corrected_share = 0.3;  // of it, left when the camera has looked at its shutter
   double wander_s = 25;          // s, time constant with which the field becomes another
-  double refresh_s = 0.2;        // s between two sights; each changes what the tracker sees
+  double refresh_s = 0.15;       // s between two sights
 };
 
 // The same piece of the scene in two images: where it was and its grey level, in the image's
