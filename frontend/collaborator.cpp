@@ -48,9 +48,15 @@ CollaboratorConfig for_exchange(CollaboratorConfig config) {
   return config;
 }
 
+bool is_finite(const FoundKeyframe& found) {
+  return found.T_keyframe_cam.matrix().allFinite() && std::isfinite(found.log_depth_ratio) &&
+         found.covariance.allFinite();
+}
+
 bool is_well_formed(const PeerKeyframe& message) {
   if (message.sender.empty() || message.landmarks.size() > kMaxAccepted) return false;
   if (!std::isfinite(message.patch_spacing)) return false;
+  if (message.found && !is_finite(*message.found)) return false;
   for (const KeyframePose& pose : {message.pose, message.before}) {
     if (!pose.T_world_cam.matrix().allFinite() || !pose.covariance.allFinite() ||
         pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
@@ -360,7 +366,9 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
 }
 
 const Keyframe* Collaborator::answered_with(const PeerKeyframe& message) const {
-  if (!message.found || message.receiver != config_.agent) return nullptr;
+  if (!message.found || message.receiver != config_.agent || !is_well_formed(message)) {
+    return nullptr;
+  }
   const std::uint64_t keyframe_id = message.found->keyframe_id;
   return limiter_.has_sent(message.sender, keyframe_id) ? database_.find(keyframe_id) : nullptr;
 }

@@ -228,6 +228,9 @@ TEST(Pipeline, WhoAnswersHearsWhatCameOfIt) {
     invented.sender = "uav2";
     EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected)
         << "was not answered";
+    invented = *result.reply;
+    invented.found->T_keyframe_cam.translation().x() = std::nan("");
+    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
     const PeerResult told = other.pipeline().fuse(*result.reply);
     EXPECT_FALSE(told.reply) << "nobody answers that";
     learned += told.outcome == PeerOutcome::kFused ? 1 : 0;
