@@ -424,7 +424,8 @@ nlohmann::json Agent::exchange_details() const {
                          {"too_soon", report.advert_too_soon}};
   details["messages"] = {{"received", report.keyframes_received},
                          {"matched", report.matched},
-                         {"landmark_pairs", report.landmark_pairs}};
+                         {"landmark_pairs", report.landmark_pairs},
+                         {"learned_from", peer_counts_.learned}};
   for (std::size_t i = 0; i < kNoMatchReasons; ++i) {
     details["messages"]["no_match"][to_string(static_cast<NoMatchReason>(i))] = report.no_match[i];
   }
