@@ -158,16 +158,26 @@ int DriftFilter::find_or_insert(const Node& wanted) {
   return keyframes() - 1;
 }
 
+Eigen::Index DriftFilter::size() const { return block(keyframes()); }
+
+void DriftFilter::reserve(Eigen::Index size) {
+  if (size <= x_.size()) return;
+  const Eigen::Index room = std::max<Eigen::Index>(size, 2 * x_.size());
+  x_.conservativeResize(room);
+  P_.conservativeResize(room, room);
+}
+
 // e = A_earlier e_earlier + A_later e_later + w, cov(w) = Q.
 void DriftFilter::append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
                          const Matrix6d& A_later, const Matrix6d& Q) {
-  const int n = kSize * keyframes();
+  const Eigen::Index n = size();
+  reserve(n + kSize);
   Eigen::MatrixXd cross = Eigen::MatrixXd::Zero(kSize, n);
   Vector6d mean = Vector6d::Zero();
   Matrix6d covariance = Q;
   const auto take = [&](int neighbour, const Matrix6d& A) {
     if (neighbour < 0) return;
-    cross += A * P_.middleRows<kSize>(block(neighbour));
+    cross.noalias() += A * P_.block(block(neighbour), 0, kSize, n);
     mean += A * x_.segment<kSize>(block(neighbour));
   };
   take(from.earlier, A_earlier);
@@ -178,12 +188,10 @@ void DriftFilter::append(const Node& node, const Neighbours& from, const Matrix6
   if (from.later >= 0) {
     covariance += cross.middleCols<kSize>(block(from.later)) * A_later.transpose();
   }
-  x_.conservativeResize(n + kSize);
-  P_.conservativeResize(n + kSize, n + kSize);
-  x_.tail<kSize>() = mean;
-  P_.bottomLeftCorner(kSize, n) = cross;
-  P_.topRightCorner(n, kSize) = cross.transpose();
-  P_.bottomRightCorner<kSize, kSize>() = (covariance + covariance.transpose()) / 2;
+  x_.segment<kSize>(n) = mean;
+  P_.block(n, 0, kSize, n) = cross;
+  P_.block(0, n, n, kSize) = cross.transpose();
+  P_.block<kSize, kSize>(n, n) = (covariance + covariance.transpose()) / 2;
   nodes_.push_back(node);
 }
 
@@ -207,18 +215,14 @@ void DriftFilter::make_room() {
 
 // The last one takes its place.
 void DriftFilter::forget(int index) {
-  const int last = keyframes() - 1, n = block(last);
-  if (index != last) {
+  const Eigen::Index n = size(), from = n - kSize, to = block(index);
+  if (to != from) {
     nodes_[static_cast<std::size_t>(index)] = nodes_.back();
-    x_.segment<kSize>(block(index)) = x_.tail<kSize>();
-    P_.middleCols<kSize>(block(index)) = P_.rightCols<kSize>().eval();
-    P_.middleRows<kSize>(block(index)) = P_.bottomRows<kSize>().eval();
-    P_.block<kSize, kSize>(block(index), block(index)) =
-        P_.bottomRightCorner<kSize, kSize>().eval();
+    x_.segment<kSize>(to) = x_.segment<kSize>(from);
+    P_.block(0, to, n, kSize) = P_.block(0, from, n, kSize);
+    P_.block(to, 0, kSize, n) = P_.block(from, 0, kSize, n);
   }
   nodes_.pop_back();
-  x_.conservativeResize(n);
-  P_.conservativeResize(n, n);
 }
 
 bool DriftFilter::is_of_present_flight(std::size_t drone, const KeyframePose& keyframe) {
@@ -386,10 +390,11 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   if (sides.own.at == sides.other.at) return DriftOutcome::kInvalid;
   Linearised model = linearise(sides, measurement, ratio);
 
-  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(x_.size(), kRows);
+  auto P = P_.topLeftCorner(size(), size());
+  Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(size(), kRows);
   for (const auto& [index, H] : model.terms) {
     model.r -= H * x_.segment<kSize>(block(index));
-    PHt += P_.middleCols<kSize>(block(index)) * H.transpose();
+    PHt.noalias() += P.middleCols<kSize>(block(index)) * H.transpose();
   }
   Matrix7d S = repetition(drones_[drone], own_stamp_ns) * model.noise;
   for (const auto& [index, H] : model.terms) S += H * PHt.middleRows<kSize>(block(index));
@@ -398,8 +403,8 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;
   if (model.r.dot(cholesky.solve(model.r)) > limit) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
-  x_ += W.transpose() * cholesky.matrixL().solve(model.r);
-  P_ -= W.transpose() * W;
+  x_.head(size()) += W.transpose() * cholesky.matrixL().solve(model.r);
+  P.noalias() -= W.transpose() * W;
   count_used(drones_[drone], own_stamp_ns);
   return DriftOutcome::kUsed;
 }

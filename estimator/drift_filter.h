@@ -83,7 +83,7 @@ class DriftFilter {
   [[nodiscard]] std::vector<std::string> peers() const;  // that were ever heard
   [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
   // Of the pose errors of all keyframes in the state, [dp dtheta] each.
-  [[nodiscard]] const Eigen::MatrixXd& covariance() const { return P_; }
+  [[nodiscard]] Eigen::MatrixXd covariance() const { return P_.topLeftCorner(size(), size()); }
 
  private:
   struct Node {
@@ -121,6 +121,7 @@ class DriftFilter {
   // A keyframe of a later flight than what is known of the drone ends that: all of it is forgotten.
   // False if the keyframe is itself of an earlier one.
   [[nodiscard]] bool is_of_present_flight(std::size_t drone, const KeyframePose& keyframe);
+  [[nodiscard]] Eigen::Index size() const;  // of the errors of all nodes
   [[nodiscard]] const Node& node(int index) const {
     return nodes_[static_cast<std::size_t>(index)];
   }
@@ -131,6 +132,7 @@ class DriftFilter {
   [[nodiscard]] int find_or_insert(const Node& node);
   void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
               const Matrix6d& A_later, const Matrix6d& Q);
+  void reserve(Eigen::Index size);
   void make_room();
   void forget(int index);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
@@ -171,7 +173,8 @@ class DriftFilter {
   double gate_limit_, gate_limit_with_ratio_;
   std::vector<Drone> drones_;  // first the own one
   std::vector<Node> nodes_;
-  Eigen::VectorXd x_;  // 6 per node
+  // 6 per node; with room behind them, so that nodes that come and go move no others.
+  Eigen::VectorXd x_;
   Eigen::MatrixXd P_;
   std::deque<OwnDrift> own_history_;  // rising stamps
 };
