@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "frontend/patch_alignment.h"
@@ -15,19 +17,20 @@
 namespace covey {
 namespace {
 
-constexpr int kSide = 8;   // samples of a patch
-constexpr int kInner = 6;  // of those that have neighbours on all sides
-constexpr int kArea = kInner * kInner;
-constexpr float kContrast = 15;     // of a decoded patch, brightest to darkest
+constexpr int kSide = 8;    // samples of a patch
+constexpr int kWaves = 16;  // of which it is made
+constexpr int kBits = 6;    // of each, with a sign
+constexpr int kSmallest = -(1 << (kBits - 1));
+constexpr float kLargest = -kSmallest - 1;
+static_assert(kWaves * kBits == 8 * std::tuple_size_v<LandmarkPatch>);
 constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;
-constexpr std::size_t kCoefficients = 2 * std::tuple_size_v<LandmarkPatch>;
-constexpr float kLargest = 7;  // of a coefficient, 4 bits with a sign
 
 using Samples = Eigen::Matrix<float, kSide, kSide, Eigen::RowMajor>;
-using Column = Eigen::Matrix<float, kArea, 1>;
-using Gradient = Eigen::Matrix<float, kArea, 2>;
+using Waves = Eigen::Matrix<float, kWaves, 1>;
+using Gradient = Eigen::Matrix<float, kWaves, 2>;
+using Basis = Eigen::Matrix<float, kWaves, kSide * kSide>;
 
 float bilinear(const cv::Mat& image, const Eigen::Vector2d& pixel) {
   const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y());
@@ -39,8 +42,9 @@ float bilinear(const cv::Mat& image, const Eigen::Vector2d& pixel) {
 }
 
 template <int Side>
-Eigen::Matrix<float, Side, Side> sample(const cv::Mat& image, const PatchPlace& grid) {
-  Eigen::Matrix<float, Side, Side> samples;
+Eigen::Matrix<float, Side, Side, Eigen::RowMajor> sample(const cv::Mat& image,
+                                                         const PatchPlace& grid) {
+  Eigen::Matrix<float, Side, Side, Eigen::RowMajor> samples;
   constexpr double kMiddle = (Side - 1) / 2.0;
   for (int row = 0; row < Side; ++row) {
     for (int column = 0; column < Side; ++column) {
@@ -51,89 +55,92 @@ Eigen::Matrix<float, Side, Side> sample(const cv::Mat& image, const PatchPlace& 
   return samples;
 }
 
-struct Wave {
-  int vertical = 0, horizontal = 0;  // half periods in the patch
+// The longest waves of the cosine transform (DCT-II), without the mean. The shorter a wave is, the
+// more it tells of the place, and the weaker it is in images: the square root of its frequency
+// makes up for that, so that rounding costs all of them about as much.
+Basis longest_waves() {
+  std::vector<std::pair<int, int>> periods;  // halves of them in the patch, downwards and across
+  for (int i = 1; i < kSide * kSide; ++i) periods.emplace_back(i / kSide, i % kSide);
+  const auto frequency = [](const std::pair<int, int>& p) { return std::hypot(p.first, p.second); };
+  std::stable_sort(periods.begin(), periods.end(),
+                   [&](const auto& a, const auto& b) { return frequency(a) < frequency(b); });
+  const auto cosine = [](int halves, int at) {
+    return std::sqrt((halves > 0 ? 2.0 : 1.0) / kSide) *
+           std::cos(M_PI * halves * (at + 0.5) / kSide);
+  };
+  Basis basis;
+  for (int k = 0; k < kWaves; ++k) {
+    const auto& [down, across] = periods[static_cast<std::size_t>(k)];
+    const double weight = std::sqrt(frequency({down, across}));
+    for (int i = 0; i < kSide * kSide; ++i) {
+      basis(k, i) =
+          static_cast<float>(weight * cosine(down, i / kSide) * cosine(across, i % kSide));
+    }
+  }
+  return basis;
+}
+
+Waves waves_of(const Samples& samples) {
+  static const Basis basis = longest_waves();
+  return basis * Eigen::Map<const Eigen::Matrix<float, kSide * kSide, 1>>(samples.data());
+}
+
+// Levels lie one after the other, the low bits of each in the lower octet.
+struct Bits {
+  std::size_t octet = 0;
+  unsigned shift = 0;
+  [[nodiscard]] bool ends_in_next() const { return shift + kBits > 8; }
 };
 
-// The longest waves, without the mean: what aligns a patch best is in them.
-std::array<Wave, kCoefficients> longest_waves() {
-  std::vector<Wave> waves;
-  for (int i = 1; i < kSide * kSide; ++i) waves.push_back({i / kSide, i % kSide});
-  const auto length = [](const Wave& w) {
-    return w.vertical * w.vertical + w.horizontal * w.horizontal;
-  };
-  std::stable_sort(waves.begin(), waves.end(),
-                   [&](const Wave& a, const Wave& b) { return length(a) < length(b); });
-  std::array<Wave, kCoefficients> longest{};
-  std::copy_n(waves.begin(), longest.size(), longest.begin());
-  return longest;
+Bits bits_of(int wave) {
+  const int first = kBits * wave;
+  return {static_cast<std::size_t>(first / 8), static_cast<unsigned>(first % 8)};
 }
 
-const std::array<Wave, kCoefficients>& waves() {
-  static const std::array<Wave, kCoefficients> longest = longest_waves();
-  return longest;
-}
-
-LandmarkPatch encode(const Samples& samples) {
-  cv::Matx<float, kSide, kSide> spectrum;
-  cv::dct(cv::Matx<float, kSide, kSide>(samples.data()), spectrum);
-  float largest = 0;
-  for (const Wave& w : waves()) {
-    largest = std::max(largest, std::abs(spectrum(w.vertical, w.horizontal)));
-  }
+LandmarkPatch encode(const Waves& waves) {
+  const float largest = waves.cwiseAbs().maxCoeff();
   LandmarkPatch patch{};
   if (!(largest > 0)) return patch;
-  for (std::size_t i = 0; i < kCoefficients; ++i) {
-    const Wave w = waves()[i];
-    const auto level = std::lround(kLargest / largest * spectrum(w.vertical, w.horizontal));
-    const unsigned nibble = static_cast<unsigned>(level) & 15U;
-    patch[i / 2] |= static_cast<std::uint8_t>(i % 2 == 0 ? nibble : nibble << 4U);
+  for (int k = 0; k < kWaves; ++k) {
+    const auto level = std::lround(kLargest / largest * waves(k));
+    const Bits at = bits_of(k);
+    const unsigned bits = (static_cast<unsigned>(level) & ((1U << kBits) - 1)) << at.shift;
+    patch[at.octet] |= static_cast<std::uint8_t>(bits);
+    if (at.ends_in_next()) patch[at.octet + 1] |= static_cast<std::uint8_t>(bits >> 8U);
   }
   return patch;
 }
 
-// Gain and offset are lost; the contrast is kContrast.
-Samples decode(const LandmarkPatch& patch) {
-  cv::Matx<float, kSide, kSide> spectrum, grey;
-  for (std::size_t i = 0; i < kCoefficients; ++i) {
-    const int nibble = i % 2 == 0 ? patch[i / 2] & 15 : patch[i / 2] >> 4;
-    const Wave w = waves()[i];
-    spectrum(w.vertical, w.horizontal) = static_cast<float>(nibble < 8 ? nibble : nibble - 16);
+// Gain and offset are lost: of unit length. Nothing if there is nothing to see.
+std::optional<Waves> decode(const LandmarkPatch& patch) {
+  Waves waves;
+  for (int k = 0; k < kWaves; ++k) {
+    const Bits at = bits_of(k);
+    unsigned bits = patch[at.octet];
+    if (at.ends_in_next()) bits |= static_cast<unsigned>(patch[at.octet + 1]) << 8U;
+    const int level = static_cast<int>((bits >> at.shift) & ((1U << kBits) - 1));
+    waves(k) = static_cast<float>(level < -kSmallest ? level : level + 2 * kSmallest);
   }
-  cv::idct(spectrum, grey);
-  const Eigen::Map<const Samples> samples(grey.val);
-  const float contrast = samples.maxCoeff() - samples.minCoeff();
-  return contrast > 0 ? Samples(samples * (kContrast / contrast)) : Samples::Zero();
+  if (waves.isZero()) return std::nullopt;
+  return waves.normalized();
 }
 
-// What the steps of an alignment need of a patch: zero-mean grey and steepest descent, blind to
-// gain and offset.
-struct Template {
-  Column grey;
-  Gradient gradient;  // grey levels per sample
-  Eigen::Matrix2f inverse_hessian;
+// What an image shows at a place, and how that changes as the place moves, per sample.
+struct Look {
+  Waves waves;
+  Gradient gradient;
 };
 
-std::optional<Template> template_of(const LandmarkPatch& patch) {
-  const Samples samples = decode(patch);
-  Template result;
-  for (int row = 0, i = 0; row < kInner; ++row) {
-    for (int column = 0; column < kInner; ++column, ++i) {
-      result.grey(i) = samples(row + 1, column + 1);
-      result.gradient(i, 0) = (samples(row + 1, column + 2) - samples(row + 1, column)) / 2;
-      result.gradient(i, 1) = (samples(row + 2, column + 1) - samples(row, column + 1)) / 2;
-    }
-  }
-  result.grey.array() -= result.grey.mean();
-  const float energy = result.grey.squaredNorm();
-  if (!(energy > 0)) return std::nullopt;
-  result.gradient.rowwise() -= result.gradient.colwise().mean().eval();
-  result.gradient -= result.grey * (result.grey.transpose() * result.gradient / energy).eval();
-  const Eigen::Matrix2f hessian = result.gradient.transpose() * result.gradient;
-  constexpr float kMinDeterminant = 1.0F;  // an edge or nothing cannot be found
-  if (!(hessian.determinant() > kMinDeterminant)) return std::nullopt;
-  result.inverse_hessian = hessian.inverse();
-  return result;
+Look look_at(const cv::Mat& image, const PatchPlace& grid) {
+  const auto wide = sample<kSide + 2>(image, grid);
+  const auto shifted = [&wide](int down, int across) {
+    return wide.block<kSide, kSide>(1 + down, 1 + across);
+  };
+  Look look;
+  look.waves = waves_of(shifted(0, 0));
+  look.gradient.col(0) = waves_of((shifted(0, 1) - shifted(0, -1)) / 2);
+  look.gradient.col(1) = waves_of((shifted(1, 0) - shifted(-1, 0)) / 2);
+  return look;
 }
 
 struct Fit {
@@ -142,33 +149,32 @@ struct Fit {
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // px^2
 };
 
-// Of the place, px^2: two of the samples are spent on gain and offset, two on the place.
-Eigen::Matrix2d covariance_of(const Template& patch, const Eigen::Matrix2d& affine,
-                              double correlation) {
-  const double unlike = std::max(0.0, 1 - correlation * correlation);
-  const double rest = patch.grey.squaredNorm() * unlike / (kArea - 4);
-  return rest * affine * patch.inverse_hessian.cast<double>() * affine.transpose();
-}
-
-std::optional<Fit> align(const Template& patch, const cv::Mat& image, PatchPlace grid,
+// Only in the waves that were sent: of the others nothing is known, and they would pull at those.
+// What the patch would look like with another gain is taken out of both sides.
+std::optional<Fit> align(const Waves& patch, const cv::Mat& image, PatchPlace grid,
                          double max_shift_px) {
+  constexpr float kMinTexture = 2e-3F;  // an edge or nothing cannot be found
+  constexpr int kSpent = 3;             // waves, on gain and place
   const Eigen::Vector2d start = grid.pixel;
   for (int i = 0; i < kMaxIterations; ++i) {
-    if (!inside(image, grid, 0.5 * kInner)) return std::nullopt;
-    const Eigen::Matrix<float, kInner, kInner> square = sample<kInner>(image, grid).transpose();
-    Column grey = Eigen::Map<const Column>(square.data());
-    grey.array() -= grey.mean();
-    const float product = patch.grey.dot(grey);
-    const float gain = product / patch.grey.squaredNorm();
-    if (!(gain > 0)) return std::nullopt;
-    const double correlation = product / std::sqrt(patch.grey.squaredNorm() * grey.squaredNorm());
-    const Eigen::Vector2d pixel = grid.pixel;
-    const Eigen::Vector2f step = patch.inverse_hessian * (patch.gradient.transpose() * grey) / gain;
-    const Eigen::Vector2d moved = grid.affine * step.cast<double>();
-    grid.pixel -= moved;
+    if (!inside(image, grid, 0.5 * (kSide + 2))) return std::nullopt;
+    Look look = look_at(image, grid);
+    const float energy = look.waves.squaredNorm(), product = patch.dot(look.waves);
+    if (!(product > 0)) return std::nullopt;
+    look.waves -= product * patch;
+    look.gradient -= patch * (patch.transpose() * look.gradient).eval();
+    const Eigen::Matrix2f hessian = look.gradient.transpose() * look.gradient;
+    if (!(std::sqrt(hessian.determinant()) > kMinTexture * energy)) return std::nullopt;
+    const Eigen::Matrix2d inverse_hessian = hessian.inverse().cast<double>();
+    const Eigen::Vector2d step =
+        -inverse_hessian * (look.gradient.transpose() * look.waves).cast<double>();
+    const Eigen::Vector2d pixel = grid.pixel, moved = grid.affine * step;
+    grid.pixel += moved;
     if (!((grid.pixel - start).norm() < max_shift_px)) return std::nullopt;
     if (moved.norm() < kConverged_px) {
-      return Fit{pixel, correlation, covariance_of(patch, grid.affine, correlation)};
+      const double rest = look.waves.squaredNorm() / (kWaves - kSpent);
+      return Fit{pixel, product / std::sqrt(energy),
+                 rest * grid.affine * inverse_hessian * grid.affine.transpose()};
     }
   }
   return std::nullopt;
@@ -230,7 +236,7 @@ std::optional<PatchPlace> place_on(const SeenLandmark& seen, const Sight& sight,
 
 // Aligned on the level whose pixels lie about as far apart as the samples; in px of the image
 // itself.
-std::optional<Fit> find(const Template& patch, const ImagePyramid& image, PatchPlace place,
+std::optional<Fit> find(const Waves& patch, const ImagePyramid& image, PatchPlace place,
                         const PatchSearchConfig& config) {
   // Seen from nearer by, the samples lie far apart: a coarser image fits them.
   const double apart = std::sqrt(std::abs(place.affine.determinant()));
@@ -259,7 +265,7 @@ std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
   if (!inside(image, grid, 0.5 * kSide)) return std::nullopt;
   const Samples samples = sample<kSide>(image, grid);
   if (samples.maxCoeff() - samples.minCoeff() < kMinContrast) return std::nullopt;
-  return encode(samples);
+  return encode(waves_of(samples));
 }
 
 std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
@@ -270,7 +276,7 @@ std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
   const Eigen::Isometry3d T_own_other = T_other_own.inverse();
   const std::optional<Sight> sight = sight_of(seen, T_own_other, camera);
   if (!sight) return std::nullopt;
-  const std::optional<Template> patch = template_of(*seen.patch);
+  const std::optional<Waves> patch = decode(*seen.patch);
   if (!patch) return std::nullopt;
   std::optional<Fit> best;
   for (const Eigen::Vector3d& normal : surfaces_of(seen)) {

@@ -18,7 +18,7 @@
 namespace covey {
 
 struct PatchSearchConfig {
-  double spacing_px = 1.25;      // between the samples of a patch
+  double spacing_px = 1.6;       // between the samples of a patch
   double max_shift_px = 4.0;     // from where geometry says it is
   double min_correlation = 0.9;  // zero-mean normalised, of what is found with what was sent
 };
@@ -41,14 +41,13 @@ struct SeenLandmark {
 
 struct FoundPatch {
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  // Of the bearing, normalised plane, as the alignment has it: what is left of the brightness,
-  // taken for noise of one sample and the next, over the texture. Errors were two to four times
-  // that on rendered flights.
+  // Of the bearing, normalised plane, as the alignment has it: what is left of the waves, taken for
+  // noise of one and the next, over the texture.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
 };
 
-// Where it is in the own image, by inverse compositional alignment (Baker and Matthews, 2004) of
-// the patch, warped as a plane that faces the other camera, as level ground or as an upright wall,
+// Where it is in the own image, by alignment (Lucas and Kanade, 1981) in the waves of the patch,
+// warped as a plane that faces the other camera, as level ground or as an upright wall,
 // whichever looks most like it; gain and offset of the brightness are free. Nothing where it is out
 // of sight, farther off than expected or looks different.
 [[nodiscard]] std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,

@@ -140,6 +140,18 @@ TEST(LandmarkPatch, IsFoundToAFifthOfAPixelFromAnotherPlace) {
   EXPECT_GE(result.near, result.found * 8 / 10);
 }
 
+// Twelve octets say where a corner is to a twentieth of a pixel, whatever they leave out.
+TEST(LandmarkPatch, IsFoundWhereItWasCut) {
+  Question question;
+  question.T_other_own = Eigen::Isometry3d::Identity();
+  question.error = Eigen::Vector3d(0.02, -0.01, 0);  // about 1 px
+  question.near_px = 0.05;
+  const Search result = search(see_wall(question.T_other_own), question);
+  EXPECT_GE(result.tried, 30);
+  EXPECT_EQ(result.found, result.tried);
+  EXPECT_GE(result.near, result.found * 9 / 10);
+}
+
 TEST(LandmarkPatch, BrightnessDoesNotMatter) {
   const Search result = search(see_wall(own_pose(), {0.6, 50}), Eigen::Vector3d::Zero());
   EXPECT_GE(result.found, result.tried * 2 / 3);
@@ -173,7 +185,7 @@ TEST(LandmarkPatch, SaysHowWellItIsFound) {
   EXPECT_GT(squared.y(), 2 * squared.x());
   EXPECT_GT(claimed.y(), 2 * claimed.x());
   EXPECT_GT(nees / found, 1.0);
-  EXPECT_LT(nees / found, 2 * 9.0) << "errors of more than three times what is claimed";
+  EXPECT_LT(nees / found, 2 * 3.0) << "errors of much more than what is claimed";
 }
 
 // From two metres aside, of a wall that is turned: what its surface is makes a difference.
