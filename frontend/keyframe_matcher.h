@@ -38,8 +38,8 @@ struct KeyframeMatcherConfig {
   double sigma_px = 0.7;  // to which two drones agree on a corner; a fatter tail than Gaussian
   // By what they look like.
   PatchSearchConfig patch;
-  double aligned_sigma_px = 0.04;  // of what is found, beside what its alignment claims
-  double aligned_scale = 1.2;      // by which errors are larger than that claims
+  double aligned_sigma_px = 0.05;  // of what is found, beside what its alignment claims
+  double aligned_scale = 1.5;      // by which errors are larger than that claims
   double in_place_px = 1.0;        // to which those agree that are found where they are expected,
   double in_place_share = 0.5;     // and this share of them
   std::size_t images = 20;         // of the newest keyframes, each 0.5 MB
