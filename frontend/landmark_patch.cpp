@@ -22,7 +22,7 @@ constexpr int kWaves = 16;  // of which it is made
 constexpr int kBits = 6;    // of each, with a sign
 constexpr int kSmallest = -(1 << (kBits - 1));
 constexpr float kLargest = -kSmallest - 1;
-static_assert(kWaves * kBits == 8 * std::tuple_size_v<LandmarkPatch>);
+static_assert(std::size_t{kWaves} * kBits == 8 * std::tuple_size_v<LandmarkPatch>);
 constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;

@@ -222,7 +222,7 @@ TEST(Pipeline, WhoAnswersHearsWhatCameOfIt) {
     EXPECT_EQ(result.reply->receiver, "uav1");
     EXPECT_EQ(result.reply->found->keyframe_id, answer->pose.keyframe_id);
     PeerKeyframe invented = *result.reply;
-    invented.found->keyframe_id += 1000;
+    invented.found.value().keyframe_id += 1000;
     EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
     invented = *result.reply;
     invented.sender = "uav2";
