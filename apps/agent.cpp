@@ -420,6 +420,7 @@ nlohmann::json Agent::exchange_details() const {
                          {"answered", report.answered},
                          {"malformed", report.advert_malformed},
                          {"other_vocabulary", report.advert_other_vocabulary},
+                         {"unknown_asker", report.advert_unknown_asker},
                          {"unknown_place", report.advert_unknown_place},
                          {"too_soon", report.advert_too_soon}};
   details["messages"] = {{"received", report.keyframes_received},

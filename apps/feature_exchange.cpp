@@ -45,8 +45,16 @@ FeatureExchange::FeatureExchange(const FeatureExchangeConfig& config,
                                  std::vector<std::string> names)
     : config_(config) {
   for (std::string& name : names) {
-    drones_.push_back(
-        {std::move(name), false, {}, AnswerLimiter(config.limits.limiter), {}, {}, {}, {}});
+    drones_.push_back({std::move(name),
+                       false,
+                       {},
+                       AnswerLimiter(config.limits.limiter),
+                       {},
+                       {},
+                       false,
+                       {},
+                       {},
+                       {}});
   }
 }
 
@@ -64,9 +72,14 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
   self.keyframes.back().before = before;
 }
 
-void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe) {
+void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe) const {
   self.last_asked = keyframe.pose;
-  const std::size_t corners = std::min(keyframe.features.size(), kCompactCorners);
+  self.asks_briefly =
+      self.corners_told_ns && seconds_between(*self.corners_told_ns, keyframe.pose.stamp_ns) <
+                                  config_.limits.corners_interval_s;
+  if (!self.asks_briefly) self.corners_told_ns = keyframe.pose.stamp_ns;
+  const std::size_t corners =
+      self.asks_briefly ? 0 : std::min(keyframe.features.size(), kCompactCorners);
   const PlaceAdvert advert{self.name,
                            keyframe.pose.keyframe_id,
                            keyframe.pose.stamp_ns,
@@ -213,6 +226,7 @@ std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver
   message.pose = sight.pose;
   message.before = sight.before;
   message.patch_spacing = kPatchSpacing;
+  message.described = !drones_[receiver].asks_briefly;
   for (const FlownFeature& landmark : sight.landmarks) {
     message.landmarks.push_back(
         {{}, landmark.bearing, landmark.inverse_depth, landmark.inverse_depth_sigma, {}});

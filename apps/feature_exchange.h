@@ -85,12 +85,14 @@ class FeatureExchange {
     Falsehood falsehood;
     AnswerLimiter limiter;
     std::optional<KeyframePose> last_asked;
+    std::optional<TimeNs> corners_told_ns;  // stamp of the last question that carried them
+    bool asks_briefly = false;              // in its newest question
     std::deque<FlownKeyframe> keyframes;
     std::deque<Sight> remembered;  // of peers
     Traffic traffic;
   };
 
-  static void count_question(Drone& self, const FlownKeyframe& keyframe);
+  void count_question(Drone& self, const FlownKeyframe& keyframe) const;
   [[nodiscard]] Sight sight_of(std::size_t drone, const FlownKeyframe& keyframe) const;
   [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone,
                                                  const FlownKeyframe& seen) const;

@@ -251,7 +251,11 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometr
     if (drift_) revisited = collaborator_->revisit();
   }
   if (exchange == ExchangeMode::kPaper) keep_filter(advert->keyframe_id);
-  if (!collaborator_->wants_to_ask()) advert.reset();
+  if (collaborator_->wants_to_ask()) {
+    advert = collaborator_->question(std::move(*advert));
+  } else {
+    advert.reset();
+  }
   ++status_.keyframes;
   for (const KeyframeMatch& match : revisited) (void)fuse(match);
   return advert;

@@ -82,6 +82,8 @@ Problem problem_with_content(const PeerKeyframe& keyframe) {
   if (!(keyframe.patch_spacing >= 0 && keyframe.patch_spacing <= kMaxPatchSpacing))
     return "patch spacing not plausible";
   if (keyframe.landmarks.size() > kMaxLandmarks) return "too many landmarks";
+  if (!keyframe.described && !(keyframe.patch_spacing > 0))
+    return "landmarks have neither descriptors nor patches";
   for (const PeerLandmark& landmark : keyframe.landmarks)
     if (const Problem problem = problem_with(landmark)) return problem;
   if (!keyframe.found) return {};
@@ -143,7 +145,6 @@ Problem problem_with(const PlaceAdvert& advert) {
   if (!is_agent_name(advert.sender)) return "sender is not a drone's name";
   if (!is_stamp(advert.stamp_ns)) return "stamp not plausible";
   if (const Problem problem = problem_with(advert.view)) return problem;
-  if (advert.descriptor.empty()) return "place descriptor is empty";
   if (advert.descriptor.size() > kMaxDescriptorBytes) return "place descriptor too long";
   return {};
 }

@@ -154,9 +154,11 @@ Integer clamped(double value) {
                                                  std::numeric_limits<Integer>::max()));
 }
 
-void append(const PeerLandmark& landmark, wire::MessageUAV& out) {
-  out.descriptors().insert(out.descriptors().end(), landmark.descriptor.begin(),
-                           landmark.descriptor.end());
+void append(const PeerLandmark& landmark, bool described, wire::MessageUAV& out) {
+  if (described) {
+    out.descriptors().insert(out.descriptors().end(), landmark.descriptor.begin(),
+                             landmark.descriptor.end());
+  }
   for (const double tangent : {landmark.bearing.x(), landmark.bearing.y()}) {
     out.bearings().push_back(clamped<std::int16_t>(std::round(tangent / kBearingUnit)));
   }
@@ -174,8 +176,10 @@ std::vector<PeerLandmark> landmarks_of(const wire::MessageUAV& message) {
   std::vector<PeerLandmark> landmarks(message.inverse_depths().size());
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     PeerLandmark& out = landmarks[i];
-    std::copy_n(&message.descriptors()[out.descriptor.size() * i], out.descriptor.size(),
-                out.descriptor.begin());
+    if (!message.descriptors().empty()) {
+      std::copy_n(&message.descriptors()[out.descriptor.size() * i], out.descriptor.size(),
+                  out.descriptor.begin());
+    }
     out.bearing =
         kBearingUnit * Eigen::Vector2d(message.bearings()[2 * i], message.bearings()[2 * i + 1]);
     out.inverse_depth = std::exp2(message.inverse_depths()[i] / kDepthSteps - kDepthOctaves);
@@ -233,6 +237,7 @@ PeerKeyframe from_wire(const wire::MessageUAV& message) {
   out.before = from_wire(message.before());
   out.patch_spacing = message.patch_spacing();
   out.landmarks = landmarks_of(message);
+  out.described = out.landmarks.empty() || !message.descriptors().empty();
   if (!message.found().empty()) out.found = from_wire(message.found().front());
   return out;
 }
@@ -331,7 +336,7 @@ wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   out.keyframe(to_wire(keyframe.pose));
   out.before(to_wire(keyframe.before));
   out.patch_spacing(static_cast<float>(keyframe.patch_spacing));
-  for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, out);
+  for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, keyframe.described, out);
   if (keyframe.found) out.found().push_back(to_wire(*keyframe.found));
   return out;
 }
@@ -423,7 +428,8 @@ Problem problem_on_wire(const wire::RequestUAV& request) {
 
 Problem problem_on_wire(const wire::MessageUAV& message) {
   const std::size_t count = message.inverse_depths().size();
-  if (message.descriptors().size() != std::tuple_size_v<ShortDescriptor> * count ||
+  if ((!message.descriptors().empty() &&
+       message.descriptors().size() != std::tuple_size_v<ShortDescriptor> * count) ||
       message.bearings().size() != 2 * count || message.depth_sigmas().size() != count ||
       message.patches().size() !=
           (message.patch_spacing() > 0 ? std::tuple_size_v<LandmarkPatch> * count : 0)) {

@@ -21,7 +21,7 @@ namespace covey {
 
 using Bytes = std::vector<std::uint8_t>;
 
-inline constexpr std::uint8_t kWireVersion = 7;
+inline constexpr std::uint8_t kWireVersion = 8;
 
 // Largest samples that are sent or accepted, bytes: the bounds of idl/covey.idl, rounded up.
 inline constexpr std::size_t kMaxRequestBytes = 4352;

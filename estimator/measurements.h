@@ -121,11 +121,13 @@ struct CameraView {
 // "I am here: has anybody seen this place?" (the paper's RequestUAV)
 struct PlaceAdvert {
   std::string sender;
-  std::uint64_t keyframe_id = 0;         // counts up per sender; the answer repeats it
-  TimeNs stamp_ns = 0;                   // of the keyframe's image
-  std::uint64_t vocabulary_hash = 0;     // words of another vocabulary mean nothing: refused
-  CameraView view;                       // in the sender's world: for choosing an answer, no more
-  std::vector<std::uint8_t> descriptor;  // of the place: binary VLAD or shortened corners
+  std::uint64_t keyframe_id = 0;      // counts up per sender; the answer repeats it
+  TimeNs stamp_ns = 0;                // of the keyframe's image
+  std::uint64_t vocabulary_hash = 0;  // words of another vocabulary mean nothing: refused
+  CameraView view;                    // in the sender's world: for choosing an answer, no more
+  // Of the place: binary VLAD or shortened corners. Empty in a brief question, for those who know
+  // where the sender is.
+  std::vector<std::uint8_t> descriptor;
 };
 
 // A landmark in the camera of the keyframe that saw it.
@@ -156,7 +158,10 @@ struct PeerKeyframe {
   KeyframePose pose;                      // in the sender's world
   KeyframePose before;                    // the other end of the way on which depths were measured
   double patch_spacing = 0;               // between the samples of the patches, normalised plane
-  std::vector<PeerLandmark> landmarks;    // of an answer
+  // Of an answer. One to a brief question has no descriptors: what landmarks look like is looked
+  // for where they must be.
+  bool described = true;
+  std::vector<PeerLandmark> landmarks;
   // Back to who has answered: what `pose` has found of the receiver's keyframe.
   std::optional<FoundKeyframe> found;
 };

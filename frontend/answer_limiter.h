@@ -15,7 +15,7 @@ namespace covey {
 class AnswerLimiter {
  public:
   struct Config {
-    double answer_interval_s = 1.0;  // between two answers to one peer
+    double answer_interval_s = 0.5;  // between two answers to one peer
     double resend_interval_s = 2.0;  // before one peer gets the same keyframe again
     std::size_t max_peers = 64;      // who invents more names gets no answer
   };

@@ -44,6 +44,7 @@ CollaboratorConfig for_exchange(CollaboratorConfig config) {
   if (config.place_threshold == 0) config.place_threshold = kThreshold;
   config.limiter.answer_interval_s = 0;
   config.limiter.resend_interval_s = 0;
+  config.corners_interval_s = 0;
   config.max_landmarks = static_cast<int>(kMaxAccepted);
   return config;
 }
@@ -98,6 +99,8 @@ std::vector<Eigen::Vector3d> positions_of(const Landmarks& landmarks) {
   return positions;
 }
 
+constexpr std::size_t kCandidates = 5;  // for an answer, of which the best is taken
+
 constexpr double kSigmas = 3;  // of where a question was asked from, that drift may have made
 
 // Between a keyframe's view and the one that was asked from, at least: drift may have made the
@@ -114,6 +117,8 @@ double answer_worth(double score, const Keyframe& keyframe,
   if (!asked_from) return score;
   return score / (kLeastDifference + view_difference(view_of(keyframe), *asked_from));
 }
+
+bool is_brief(const PlaceAdvert& advert) { return advert.descriptor.empty(); }
 
 // What is still tracked has been used all along: it says nothing new of the drift since then.
 std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& landmarks,
@@ -167,6 +172,7 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
 
 void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
   matcher_.know_world(peer, T_own_peer);
+  strangers_.erase(peer);
 }
 
 bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
@@ -193,6 +199,16 @@ bool Collaborator::wants_to_ask() {
   }
   last_asked_ = newest.pose;
   return true;
+}
+
+PlaceAdvert Collaborator::question(PlaceAdvert advert) {
+  const double interval_s = (strangers_.empty() ? 1 : 0.5) * config_.corners_interval_s;
+  if (corners_told_ns_ && seconds_between(*corners_told_ns_, advert.stamp_ns) < interval_s) {
+    advert.descriptor.clear();
+  } else {
+    corners_told_ns_ = advert.stamp_ns;
+  }
+  return advert;
 }
 
 PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePyramid& image,
@@ -234,6 +250,7 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
           keyframe.pose,
           keyframe.before,
           patch_spacing_,
+          true,
           to_peer_landmarks(landmarks),
           {}};
 }
@@ -347,6 +364,7 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   ++report_.adverts_received;
   if (has_started_anew(advert)) forget(advert.sender);
   matcher_.note_keyframe(advert.sender, advert.keyframe_id);
+  note_stranger(advert.sender);
   if (int* counter = refusal(advert)) {
     ++*counter;
     return std::nullopt;
@@ -365,6 +383,11 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   return answer;
 }
 
+void Collaborator::note_stranger(const std::string& sender) {
+  if (sender == config_.agent || matcher_.world_of(sender)) return;
+  if (strangers_.size() < config_.limiter.max_peers) strangers_.insert(sender);
+}
+
 const Keyframe* Collaborator::answered_with(const PeerKeyframe& message) const {
   if (!message.found || message.receiver != config_.agent || !is_well_formed(message)) {
     return nullptr;
@@ -381,7 +404,10 @@ int* Collaborator::refusal(const PlaceAdvert& advert) {
   if (advert.sender == config_.agent) return &report_.advert_own;
   if (advert.sender.empty()) return &report_.advert_malformed;
   if (advert.vocabulary_hash != vocabulary_hash_) return &report_.advert_other_vocabulary;
-  if (!is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
+  if (is_brief(advert)) {
+    const std::optional<CameraView> asked_from = view_of_asker(advert);
+    if (!asked_from || !is_sure(*asked_from)) return &report_.advert_unknown_asker;
+  } else if (!is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
     return &report_.advert_malformed;
   }
   return limiter_.allows(advert.sender, now_ns_) ? nullptr : &report_.advert_too_soon;
@@ -392,7 +418,8 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   std::vector<KeyframeFeature> best_landmarks;
   double best_worth = 0;
   const std::optional<CameraView> asked_from = view_of_asker(advert);
-  for (const RankedKeyframe& candidate : similar_keyframes(advert, asked_from)) {
+  for (const RankedKeyframe& candidate :
+       is_brief(advert) ? nearest_keyframes(*asked_from) : similar_keyframes(advert, asked_from)) {
     std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
     if (asked_from && !would_be_found(landmarks, *candidate.keyframe, *asked_from)) continue;
@@ -405,7 +432,11 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
     best_landmarks = std::move(landmarks);
   }
   if (best == nullptr) return std::nullopt;
-  PeerKeyframe answer = told(*best, most_useful(best_landmarks, advert));
+  PeerKeyframe answer =
+      told(*best, is_brief(advert) ? in_sight(best_landmarks, best->pose.T_world_cam.inverse() *
+                                                                  asked_from->T_world_cam)
+                                   : most_useful(best_landmarks, advert));
+  answer.described = !is_brief(advert);
   answer.receiver = advert.sender;
   answer.request_keyframe_id = advert.keyframe_id;
   return answer;
@@ -415,7 +446,7 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
 bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
                                   const Keyframe& keyframe, const CameraView& asked_from) const {
   constexpr double kMinShare = 0.25;
-  if (kSigmas * asked_from.sigma > tolerance_.tolerance()) return true;  // nobody knows
+  if (!is_sure(asked_from)) return true;  // nobody knows
   const std::vector<double> angles =
       viewing_angles(positions_of(landmarks),
                      keyframe.pose.T_world_cam.inverse() * asked_from.T_world_cam, camera_);
@@ -423,6 +454,11 @@ bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
   const double sent = std::min(1.0, config_.max_landmarks / static_cast<double>(landmarks.size()));
   return sent * finds >= config_.matching.min_matches &&
          finds >= kMinShare * static_cast<double>(angles.size());
+}
+
+// Can it be told from there what will look alike?
+bool Collaborator::is_sure(const CameraView& view) const {
+  return kSigmas * view.sigma <= tolerance_.tolerance();
 }
 
 // From where it is sure what is looked at.
@@ -456,7 +492,6 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
 
 std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
     const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
-  constexpr std::size_t kCandidates = 5;
   std::vector<RankedKeyframe> similar;
   for (const Keyframe& keyframe : database_.keyframes()) {
     if (asked_from && sure_difference(keyframe, *asked_from) > config_.answer_max_difference)
@@ -471,11 +506,29 @@ std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
   return similar;
 }
 
+std::vector<Collaborator::RankedKeyframe> Collaborator::nearest_keyframes(
+    const CameraView& asked_from) const {
+  std::vector<RankedKeyframe> near;
+  for (const Keyframe& keyframe : database_.keyframes()) {
+    if (sure_difference(keyframe, asked_from) <= config_.answer_max_difference)
+      near.push_back({&keyframe, 1});
+  }
+  const auto nearer = [&](const RankedKeyframe& a, const RankedKeyframe& b) {
+    return view_difference(view_of(*a.keyframe), asked_from) <
+           view_difference(view_of(*b.keyframe), asked_from);
+  };
+  const std::size_t count = std::min(near.size(), kCandidates);
+  std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end(),
+                    nearer);
+  near.resize(count);
+  return near;
+}
+
 // Corners without an estimate are of no use to the peer: where corners are compared one by one,
 // only those that would be sent count.
 double Collaborator::landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
                                     const std::vector<KeyframeFeature>& landmarks) const {
-  if (config_.place_mode != PlaceMode::kCompact) return candidate.score;
+  if (config_.place_mode != PlaceMode::kCompact || is_brief(advert)) return candidate.score;
   return common_share(advert.descriptor, describe_compact(descriptors_of(landmarks)));
 }
 
@@ -490,12 +543,31 @@ std::vector<KeyframeFeature> Collaborator::most_useful(
       order[match.own].first = -corner_weight(match);
     }
   }
+  return first_of(landmarks, std::move(order));
+}
+
+std::vector<KeyframeFeature> Collaborator::in_sight(
+    const std::vector<KeyframeFeature>& landmarks,
+    const Eigen::Isometry3d& T_keyframe_asker) const {
+  std::vector<std::pair<double, std::size_t>> order;
+  const std::vector<Eigen::Vector3d> positions = positions_of(landmarks);
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const std::optional<double> angle = viewing_angle(positions[i], T_keyframe_asker, camera_);
+    if (angle) order.emplace_back(*angle, i);
+  }
+  return first_of(landmarks, std::move(order));
+}
+
+// As many as an answer holds, those with the least key first.
+std::vector<KeyframeFeature> Collaborator::first_of(
+    const std::vector<KeyframeFeature>& landmarks,
+    std::vector<std::pair<double, std::size_t>> order) const {
   std::sort(order.begin(), order.end());
   order.resize(std::min(order.size(), static_cast<std::size_t>(config_.max_landmarks)));
-  std::vector<KeyframeFeature> best;
-  best.reserve(order.size());
-  for (const auto& [weight, index] : order) best.push_back(landmarks[index]);
-  return best;
+  std::vector<KeyframeFeature> first;
+  first.reserve(order.size());
+  for (const auto& [key, index] : order) first.push_back(landmarks[index]);
+  return first;
 }
 
 std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe) const {
@@ -514,6 +586,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
   std::variant<KeyframeMatch, NoMatch> result = find_matches(message);
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
+    if (!message.described) corners_told_ns_.reset();
   } else {
     remember(message, std::get<KeyframeMatch>(result));
     learn_tolerance(message, std::get<KeyframeMatch>(result));

@@ -7,7 +7,7 @@
 //   if (collaborator.wants_keyframe(stamp, T_world_cam)) {             // every image
 //     tracker.describe(frame);
 //     advert = collaborator.add_keyframe(frame, pose, depths);
-//     if (collaborator.wants_to_ask()) broadcast(advert);
+//     if (collaborator.wants_to_ask()) broadcast(collaborator.question(advert));
 //     for (auto& match : collaborator.revisit()) ...                    // KeyframeMatch -> filter
 //   }
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
@@ -23,7 +23,9 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -55,8 +57,12 @@ struct CollaboratorConfig {
 
   // Asking and storing.
   KeyframeRule keyframe = {0.07, 0.35, 0.25};
-  KeyframeRule question;  // as that rule, between keyframes that are asked about
+  KeyframeRule question = {0.07, 0.35, 0.3};  // the same, between keyframes that are asked about
   KeyframeDatabase::Config database;
+  // s, between questions that carry the place's corners. Those between are brief, and so are their
+  // answers: who knows where a drone is needs no descriptors.
+  // Half of it while a drone is heard of which nobody knows where its world lies.
+  double corners_interval_s = 2.0;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
   // Revisiting.
@@ -93,6 +99,7 @@ struct CollaboratorReport {
   int advert_own = 0;               // our own advert come back
   int advert_malformed = 0;         // no sender, or a descriptor of the wrong size
   int advert_other_vocabulary = 0;  // or another place mode
+  int advert_unknown_asker = 0;     // a brief one of a drone of which is not known where it is
   int advert_unknown_place = 0;     // no keyframe scores enough
   int advert_too_soon = 0;          // rate limit
 
@@ -121,6 +128,10 @@ class Collaborator {
   // exchange has asked from nearly there: the others are stored, so that there is a near one for
   // every question, and compared with what is known already.
   [[nodiscard]] bool wants_to_ask();
+
+  // The newest keyframe's advert as it is sent: brief if corners have gone along lately and the
+  // answers that came fitted.
+  [[nodiscard]] PlaceAdvert question(PlaceAdvert advert);
 
   // An image between two keyframes, for exchanges at the rate of the camera. Answers find it among
   // the newest; nobody is answered with it.
@@ -171,16 +182,25 @@ class Collaborator {
   [[nodiscard]] PlaceAdvert advert_of(const Keyframe& keyframe) const;
   [[nodiscard]] const Keyframe* newest_image() const;
   [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
+  void note_stranger(const std::string& sender);
   // The counter of why an advert gets no answer, or null.
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
   [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(
       const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
+  [[nodiscard]] std::vector<RankedKeyframe> nearest_keyframes(const CameraView& asked_from) const;
   [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
                                       const std::vector<KeyframeFeature>& landmarks) const;
   [[nodiscard]] std::vector<KeyframeFeature> most_useful(
       const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const;
+  // As many as an answer holds, those first that look most alike from there.
+  [[nodiscard]] std::vector<KeyframeFeature> in_sight(
+      const std::vector<KeyframeFeature>& landmarks,
+      const Eigen::Isometry3d& T_keyframe_asker) const;
+  [[nodiscard]] std::vector<KeyframeFeature> first_of(
+      const std::vector<KeyframeFeature>& landmarks,
+      std::vector<std::pair<double, std::size_t>> order) const;
   // Those whose depth is known.
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
@@ -199,6 +219,7 @@ class Collaborator {
   // Whether enough of a keyframe's landmarks would be found by who asks.
   [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks,
                                     const Keyframe& keyframe, const CameraView& asked_from) const;
+  [[nodiscard]] bool is_sure(const CameraView& view) const;
   void learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
@@ -219,6 +240,8 @@ class Collaborator {
   KeyframeMatcher matcher_;
   AnswerLimiter limiter_;
   std::optional<KeyframePose> last_asked_;
+  std::optional<TimeNs> corners_told_ns_;  // stamp of the last question that carried them
+  std::set<std::string> strangers_;        // that have asked, from worlds that are not known
   ViewpointTolerance tolerance_;
   CollaboratorReport report_;
 };

@@ -188,12 +188,13 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   const std::vector<OwnFeature> features = features_of(own);
   VerificationResult result = verify_in_place(own, other, landmarks, points);
   const bool in_place = result.verified.has_value();
-  if (!in_place) result = verify_pairs(own, features, points);
+  if (!in_place && other.described) result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
   const Eigen::Isometry3d T_other_own =
       relative_pose(own.pose, other.pose, result.verified->offset);
-  const std::vector<IndexPair> pairs = match_guided(T_world_cam, result.verified->offset, features,
-                                                    points, focal_length_px_, config_.guided);
+  const auto match_in_reach = other.described ? match_guided : match_nearest;
+  const std::vector<IndexPair> pairs = match_in_reach(
+      T_world_cam, result.verified->offset, features, points, focal_length_px_, config_.guided);
   const std::vector<FoundLandmark> found =
       look_for(own.pose.keyframe_id, other, landmarks, T_other_own);
   if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {

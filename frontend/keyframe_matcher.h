@@ -3,7 +3,8 @@
 // Where an own keyframe sees the landmarks of another one, a peer's or an older one of the own.
 // What they look like is searched for where the poses put them; if too few are there, because the
 // worlds have drifted apart or are unknown to each other, descriptors say which corners are the
-// same, and geometry which of those to believe. Then all of them are searched for once more.
+// same, if they came along, and geometry which of those to believe. Then all of them are searched
+// for once more.
 #pragma once
 
 #include <cstdint>

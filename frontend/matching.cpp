@@ -241,23 +241,52 @@ VerificationResult verify(const Eigen::Isometry3d& T_world_cam,
   return {std::move(verified), {}};
 }
 
-std::vector<IndexPair> match_guided(const Eigen::Isometry3d& T_world_cam, const FrameOffset& offset,
-                                    const std::vector<OwnFeature>& own,
-                                    const std::vector<PeerPoint>& peer, double focal_length_px,
-                                    const GuidedConfig& config) {
-  const double radius = config.radius_px / focal_length_px;
-  MutualMatches matches(own.size(), peer.size());
+namespace {
+
+// Each own feature and each of the peer's landmarks that appears within the radius of it, with how
+// far off, of the radius.
+template <typename See>
+void for_each_in_reach(const Eigen::Isometry3d& T_world_cam, const FrameOffset& offset,
+                       const std::vector<OwnFeature>& own, const std::vector<PeerPoint>& peer,
+                       double radius, const See& see) {
   for (std::size_t j = 0; j < peer.size(); ++j) {
     const Eigen::Vector3d p_cam =
         T_world_cam.inverse() * to_own_world(offset, T_world_cam.translation(), peer[j].p_world);
     if (!(p_cam.z() > 1e-3)) continue;
     for (std::size_t i = 0; i < own.size(); ++i) {
-      if (!((own[i].bearing - p_cam.hnormalized()).norm() < radius)) continue;
-      matches.see(i, j, hamming_distance(own[i].descriptor, peer[j].descriptor));
+      const double share = (own[i].bearing - p_cam.hnormalized()).norm() / radius;
+      if (share < 1) see(i, j, share);
     }
   }
-  constexpr double kAnyRatio = 2;  // place tells apart what the descriptor cannot
+}
+
+constexpr double kAnyRatio = 2;  // place tells apart what nothing else can
+
+}  // namespace
+
+std::vector<IndexPair> match_guided(const Eigen::Isometry3d& T_world_cam, const FrameOffset& offset,
+                                    const std::vector<OwnFeature>& own,
+                                    const std::vector<PeerPoint>& peer, double focal_length_px,
+                                    const GuidedConfig& config) {
+  MutualMatches matches(own.size(), peer.size());
+  for_each_in_reach(T_world_cam, offset, own, peer, config.radius_px / focal_length_px,
+                    [&](std::size_t i, std::size_t j, double /*share*/) {
+                      matches.see(i, j, hamming_distance(own[i].descriptor, peer[j].descriptor));
+                    });
   return matches.pairs(config.max_distance_bits, kAnyRatio);
+}
+
+std::vector<IndexPair> match_nearest(const Eigen::Isometry3d& T_world_cam,
+                                     const FrameOffset& offset, const std::vector<OwnFeature>& own,
+                                     const std::vector<PeerPoint>& peer, double focal_length_px,
+                                     const GuidedConfig& config) {
+  constexpr int kRadius = 1 << 16;  // in which distances are counted
+  MutualMatches matches(own.size(), peer.size());
+  for_each_in_reach(T_world_cam, offset, own, peer, config.radius_px / focal_length_px,
+                    [&](std::size_t i, std::size_t j, double share) {
+                      matches.see(i, j, static_cast<int>(kRadius * share) + 1);
+                    });
+  return matches.pairs(kRadius, kAnyRatio);
 }
 
 }  // namespace covey

@@ -105,4 +105,12 @@ struct GuidedConfig {
                                                   double focal_length_px,
                                                   const GuidedConfig& config);
 
+// The same without descriptors: mutual nearest ones among those in reach.
+[[nodiscard]] std::vector<IndexPair> match_nearest(const Eigen::Isometry3d& T_world_cam,
+                                                   const FrameOffset& offset,
+                                                   const std::vector<OwnFeature>& own,
+                                                   const std::vector<PeerPoint>& peer,
+                                                   double focal_length_px,
+                                                   const GuidedConfig& config);
+
 }  // namespace covey

@@ -7,19 +7,25 @@
 
 namespace covey {
 
+std::optional<double> viewing_angle(const Eigen::Vector3d& landmark,
+                                    const Eigen::Isometry3d& T_seen_other,
+                                    const CameraIntrinsics& camera) {
+  constexpr double kMinDepth = 0.1;  // m
+  const Eigen::Vector3d q = T_seen_other.inverse() * landmark;
+  if (!(q.z() > kMinDepth)) return std::nullopt;
+  if (!is_in_image(camera, project(camera, q.hnormalized()))) return std::nullopt;
+  const Eigen::Vector3d from_other = landmark - T_seen_other.translation();
+  return std::atan2(landmark.cross(from_other).norm(), landmark.dot(from_other));
+}
+
 std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,
                                    const Eigen::Isometry3d& T_seen_other,
                                    const CameraIntrinsics& camera) {
-  constexpr double kMinDepth = 0.1;  // m
-  const Eigen::Isometry3d T_other_seen = T_seen_other.inverse();
   std::vector<double> angles;
   angles.reserve(landmarks.size());
-  for (const Eigen::Vector3d& p : landmarks) {
-    const Eigen::Vector3d q = T_other_seen * p;
-    if (!(q.z() > kMinDepth)) continue;
-    if (!is_in_image(camera, project(camera, q.hnormalized()))) continue;
-    const Eigen::Vector3d from_other = p - T_seen_other.translation();
-    angles.push_back(std::atan2(p.cross(from_other).norm(), p.dot(from_other)));
+  for (const Eigen::Vector3d& landmark : landmarks) {
+    const std::optional<double> angle = viewing_angle(landmark, T_seen_other, camera);
+    if (angle) angles.push_back(*angle);
   }
   return angles;
 }

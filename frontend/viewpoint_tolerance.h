@@ -9,14 +9,20 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "frontend/camera.h"
 
 namespace covey {
 
-// Of the landmarks (m, in the frame of the camera that has seen them) those in the other camera's
-// image: the angle, rad, between the directions from which both see it.
+// The angle, rad, between the directions from which two cameras see a landmark (m, in the frame of
+// the one that has seen it). Nothing if it is not in the other one's image.
+[[nodiscard]] std::optional<double> viewing_angle(const Eigen::Vector3d& landmark,
+                                                  const Eigen::Isometry3d& T_seen_other,
+                                                  const CameraIntrinsics& camera);
+
+// Of those landmarks that are in the other camera's image.
 [[nodiscard]] std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,
                                                  const Eigen::Isometry3d& T_seen_other,
                                                  const CameraIntrinsics& camera);

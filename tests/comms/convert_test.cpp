@@ -61,6 +61,37 @@ TEST(Convert, KeyframeSurvivesTheWire) {
   }
 }
 
+// A question without corners, and an answer without descriptors: fewer bytes, nothing else.
+TEST(Convert, WhatIsBriefSurvivesTheWire) {
+  PlaceAdvert question = samples::advert();
+  question.descriptor.clear();
+  const Bytes asked = encode(question);
+  EXPECT_LT(asked.size(), 120u);
+  const auto decoded_question = decode_place_advert(asked);
+  EXPECT_TRUE(accepted(decoded_question).descriptor.empty());
+
+  PeerKeyframe answer = samples::keyframe();
+  const std::size_t described_bytes = encode(answer).size();
+  answer.described = false;
+  const Bytes told = encode(answer);
+  EXPECT_NEAR(static_cast<double>(described_bytes - told.size()),
+              8.0 * static_cast<double>(answer.landmarks.size()), 8);
+  const auto decoded = decode_peer_keyframe(told);
+  const PeerKeyframe& got = accepted(decoded);
+  EXPECT_FALSE(got.described);
+  ASSERT_EQ(got.landmarks.size(), answer.landmarks.size());
+  for (std::size_t i = 0; i < got.landmarks.size(); ++i) {
+    EXPECT_EQ(got.landmarks[i].descriptor, ShortDescriptor{});
+    EXPECT_EQ(got.landmarks[i].bearing, answer.landmarks[i].bearing);
+    EXPECT_EQ(got.landmarks[i].inverse_depth, answer.landmarks[i].inverse_depth);
+    EXPECT_EQ(got.landmarks[i].patch, answer.landmarks[i].patch);
+  }
+  const auto decoded_described = decode_peer_keyframe(encode(samples::keyframe()));
+  const auto decoded_found = decode_peer_keyframe(encode(samples::found()));
+  EXPECT_TRUE(accepted(decoded_described).described);
+  EXPECT_TRUE(accepted(decoded_found).described) << "has no landmarks to describe";
+}
+
 TEST(Convert, WhatWasFoundSurvivesTheWire) {
   const PeerKeyframe sent = samples::found();
   const auto decoded = decode_peer_keyframe(encode(sent));

@@ -197,9 +197,9 @@ TEST(PeerLink, StatisticsAgreeOnBothSides) {
 TEST(PeerLink, WhatOthersWouldRefuseIsNotSent) {
   PeerLink link(team_config("uav0"));
   EXPECT_FALSE(link.send(samples::advert("uav1")));
-  PlaceAdvert empty = samples::advert("uav0");
-  empty.descriptor.clear();
-  EXPECT_FALSE(link.send(empty));
+  PlaceAdvert long_one = samples::advert("uav0");
+  long_one.descriptor.resize(4097);
+  EXPECT_FALSE(link.send(long_one));
   EXPECT_FALSE(link.send(samples::keyframe("uav0", "nobody")));
   Odometry broken = samples::odometry();
   broken.pose.q_world_imu.coeffs().setZero();

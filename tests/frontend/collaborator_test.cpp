@@ -209,7 +209,6 @@ TEST(Collaborator, KeyframesFollowTheBaselineOverTheMeanDepth) {
   EXPECT_TRUE(drone.wants_keyframe(nanoseconds(2), level_camera({0, 1.5, 0})));
 }
 
-// Keyframes lie closer together than questions do.
 TEST(Collaborator, AsksAboutNewViewsOnly) {
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
   const auto asks = [&](Collaborator& drone, double y, double seconds) {
@@ -218,10 +217,10 @@ TEST(Collaborator, AsksAboutNewViewsOnly) {
   };
   Collaborator drone = make_drone("uav0");
   EXPECT_TRUE(asks(drone, 0, 1));
-  EXPECT_FALSE(asks(drone, 1.5, 2));
-  EXPECT_FALSE(asks(drone, 2.5, 3)) << "nearer to the last question's than 15 % of the depth";
-  EXPECT_TRUE(asks(drone, 3.5, 4));
-  EXPECT_FALSE(asks(drone, 5, 5));
+  EXPECT_FALSE(asks(drone, 1.5, 1.25)) << "too soon";
+  EXPECT_TRUE(asks(drone, 1.5, 2));
+  EXPECT_FALSE(asks(drone, 2.7, 3)) << "nearer to the last question's than 7 % of the depth";
+  EXPECT_TRUE(asks(drone, 3.2, 4));
   Collaborator in_paper = make_drone("uav1", ExchangeMode::kPaper);
   EXPECT_TRUE(asks(in_paper, 0, 1));
   EXPECT_TRUE(asks(in_paper, 0.1, 2)) << "the paper's drones ask about each";
@@ -437,20 +436,82 @@ TEST(Collaborator, AnswersByLooksAloneWhileTheAskersWorldIsNotKnown) {
 TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
   Team team;
   PlaceAdvert own = team.advert, other_words = team.advert, short_one = team.advert,
-              empty = team.advert, nameless = team.advert;
+              nameless = team.advert;
   own.sender = "uav1";
   other_words.vocabulary_hash ^= 1;
   short_one.descriptor.pop_back();
-  empty.descriptor.clear();
   nameless.sender.clear();
-  for (const PlaceAdvert& advert : {own, other_words, short_one, empty, nameless}) {
+  for (const PlaceAdvert& advert : {own, other_words, short_one, nameless}) {
     EXPECT_FALSE(team.uav1.answer(advert).has_value());
   }
   Team paper(PlaceMode::kPaper);
   EXPECT_FALSE(team.uav1.answer(paper.advert).has_value()) << "another place mode";
   EXPECT_EQ(team.uav1.report().advert_own, 1);
   EXPECT_EQ(team.uav1.report().advert_other_vocabulary, 2);
-  EXPECT_EQ(team.uav1.report().advert_malformed, 3);
+  EXPECT_EQ(team.uav1.report().advert_malformed, 2);
+}
+
+// Corners go along every two seconds, every second while somebody is a stranger.
+TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
+  const Scene scene = make_scene(50, {20, 0, 0}, 1);
+  CollaboratorConfig config;
+  config.agent = "uav0";
+  config.matching.common_start = false;
+  Collaborator drone(config, visual_vocabulary(), camera());
+  const auto has_corners = [&](double seconds) {
+    return !drone.question(look(drone, scene, level_camera({0, 0, 0}), seconds, 1))
+                .descriptor.empty();
+  };
+  EXPECT_TRUE(has_corners(1));
+  EXPECT_FALSE(has_corners(2.9)) << "nobody has been heard";
+  EXPECT_TRUE(has_corners(3));
+  PlaceAdvert heard;
+  heard.sender = "uav1";
+  EXPECT_FALSE(drone.answer(heard).has_value());
+  EXPECT_EQ(drone.report().advert_other_vocabulary, 1);
+  EXPECT_FALSE(has_corners(3.9));
+  EXPECT_TRUE(has_corners(4)) << "uav1 does not know the way here";
+  drone.know_world("uav1", Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(has_corners(5.9));
+  EXPECT_TRUE(has_corners(6));
+}
+
+TEST(Collaborator, AnswersBriefQuestionsOfThoseAloneOfWhomItKnowsWhereTheyAre) {
+  const auto answers = [](bool common_start, double sigma) {
+    const Team team;
+    CollaboratorConfig config;
+    config.agent = "uav1";
+    config.matching.common_start = common_start;
+    Collaborator uav1(config, visual_vocabulary(), camera());
+    look(uav1, team.scene, team.looked_at, 1.0, kPeerIds);
+    PlaceAdvert brief = team.advert;
+    brief.descriptor.clear();
+    brief.view.sigma = sigma;
+    const bool answered = uav1.answer(brief).has_value();
+    EXPECT_EQ(uav1.report().advert_unknown_asker, answered ? 0 : 1);
+    return answered;
+  };
+  EXPECT_TRUE(answers(true, 0.01));
+  EXPECT_FALSE(answers(true, 1));
+  EXPECT_FALSE(answers(false, 0.01));
+}
+
+// What lies outside of the asker's image is not sent.
+TEST(Collaborator, ABriefAnswerHasNoDescriptorsAndOnlyWhatIsInSight) {
+  Team team;
+  PlaceAdvert brief = team.advert;
+  brief.descriptor.clear();
+  const std::optional<PeerKeyframe> answer = team.uav1.answer(brief);
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_FALSE(answer->described);
+  EXPECT_GE(answer->landmarks.size(), 8u);
+  const Eigen::Isometry3d T_asker_seen = brief.view.T_world_cam.inverse() * team.looked_at;
+  for (const PeerLandmark& landmark : answer->landmarks) {
+    const Eigen::Vector3d p =
+        T_asker_seen * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval();
+    ASSERT_GT(p.z(), 0);
+    EXPECT_TRUE(is_in_image(camera(), project(camera(), p.hnormalized())));
+  }
 }
 
 TEST(Collaborator, RefusesAnswersThatAreNotForItOrNotAskedFor) {

@@ -106,6 +106,34 @@ TEST(InPlaceMatching, FindsWhatDescriptorsCannot) {
   expect_found(ask(uav0, wall, wall));
 }
 
+// uav1 answers without descriptors; where its world has moved, nothing is found, and the next
+// question carries corners again.
+TEST(InPlaceMatching, ABriefAnswerIsFoundInItsPlaceOrNotAtAll) {
+  const SlantedPlane wall(small_camera());
+  const auto found = [&](const Eigen::Isometry3d& T_own_peer) {
+    Collaborator uav0 = make_drone("uav0"), uav1 = make_drone("uav1");
+    look(uav1, wall, {}, T_own_peer.inverse(), 1);
+    PlaceAdvert advert = look(uav0, wall, aside(), to_isometry(aside()), 2);
+    (void)uav0.question(advert);
+    PeerKeyframe answer = uav1.announcement().value();
+    answer.receiver = "uav0";
+    answer.request_keyframe_id = advert.keyframe_id;
+    answer.described = false;
+    for (PeerLandmark& landmark : answer.landmarks) landmark.descriptor = {};
+    const auto result = uav0.match(answer);
+    const auto* match = std::get_if<KeyframeMatch>(&result);
+    EXPECT_NE(uav0.question(advert).descriptor.empty(), match == nullptr);
+    if (match != nullptr) {
+      expect_found(result);
+      EXPECT_FALSE(match->matches.empty()) << "own corners that happen to lie there";
+      for (const LandmarkMatch& pair : match->matches) EXPECT_GT(pair.own_inverse_depth, 0);
+    }
+    return match != nullptr;
+  };
+  EXPECT_TRUE(found(Eigen::Isometry3d::Identity()));
+  EXPECT_FALSE(found(far_world()));
+}
+
 TEST(InPlaceMatching, WithoutACommonStartNothingIsExpectedUntilTheWorldIsKnown) {
   const SlantedPlane wall(small_camera());
   Collaborator uav0 = make_drone("uav0", false);

@@ -230,5 +230,31 @@ TEST(MatchGuided, NeedsBothThePlaceAndTheDescriptor) {
   EXPECT_LE(guided(c, c.data.truth).size(), 2u) << "other corners in the same places";
 }
 
+TEST(MatchNearest, NeedsThePlaceAlone) {
+  GuidedCase c = make_guided_case(34);
+  for (PeerPoint& point : c.peer) point.descriptor = {};
+  const auto nearest = [&](const FrameOffset& offset) {
+    return match_nearest(c.data.T_world_cam, offset, c.own, c.peer, kFocal, {});
+  };
+  const std::vector<IndexPair> pairs = nearest(c.data.truth);
+  EXPECT_GE(pairs.size(), 36u);
+  for (const IndexPair& pair : pairs) EXPECT_EQ(pair.own, pair.peer);
+  EXPECT_LE(nearest({0.03, {0.8, -0.2, 0.1}}).size(), 2u) << "the wrong offset";
+}
+
+// Of two own corners in reach the nearer one, and of two landmarks on one corner as well.
+TEST(MatchNearest, TakesWhatLiesNearest) {
+  const double px = 1 / kFocal;
+  const Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();  // looks up
+  const std::vector<OwnFeature> own = {{{1.5 * px, 0}, {}}, {{0.2 * px, 0}, {}}};
+  const std::vector<PeerPoint> peer = {{{0, 0, 1}, {}}, {{0.9 * px, 0, 1}, {}}};
+  const std::vector<IndexPair> pairs = match_nearest(T_world_cam, {}, own, peer, kFocal, {});
+  ASSERT_EQ(pairs.size(), 2u);
+  EXPECT_EQ(pairs[0].own, 0u);
+  EXPECT_EQ(pairs[0].peer, 1u);
+  EXPECT_EQ(pairs[1].own, 1u);
+  EXPECT_EQ(pairs[1].peer, 0u);
+}
+
 }  // namespace
 }  // namespace covey
