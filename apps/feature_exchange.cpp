@@ -129,8 +129,8 @@ std::vector<KeyframeMatch> FeatureExchange::ask(std::size_t drone) {
     if (peer == drone || drones_[peer].silent) continue;
     AnswerLimiter& limiter = drones_[peer].limiter;
     if (!limiter.allows(self.name, own.pose.stamp_ns)) continue;
-    const std::optional<Sight> best = best_answer(peer, own);
-    if (!best || !limiter.allows(self.name, best->pose.keyframe_id, own.pose.stamp_ns)) continue;
+    const std::optional<Sight> best = best_answer(peer, self.name, own);
+    if (!best) continue;
     limiter.sent(self.name, best->pose.keyframe_id, own.pose.stamp_ns);
     const std::optional<Sight> received = send(drone, own.pose.keyframe_id, *best);
     if (!received) continue;
@@ -180,12 +180,15 @@ void FeatureExchange::keep_most_useful(Sight& sight, const FlownKeyframe& seen) 
   std::sort(sight.landmarks.begin(), sight.landmarks.end(), by_landmark);
 }
 
-// The keyframe that shares most with what the asking one sees, of the larger one's features.
+// The keyframe that shares most with what the asking one sees, of the larger one's features, and
+// that was not just sent.
 std::optional<FeatureExchange::Sight> FeatureExchange::best_answer(
-    std::size_t drone, const FlownKeyframe& seen) const {
+    std::size_t drone, const std::string& asker, const FlownKeyframe& seen) const {
   std::optional<Sight> best;
   double best_score = 0;
   for (const FlownKeyframe& keyframe : drones_[drone].keyframes) {
+    if (!drones_[drone].limiter.allows(asker, keyframe.pose.keyframe_id, seen.pose.stamp_ns))
+      continue;
     Sight sight = sight_of(drone, keyframe);
     const std::size_t shared = common(seen.features, sight.landmarks).size();
     if (shared < static_cast<std::size_t>(config_.limits.min_landmarks)) continue;

@@ -94,7 +94,7 @@ class FeatureExchange {
 
   void count_question(Drone& self, const FlownKeyframe& keyframe) const;
   [[nodiscard]] Sight sight_of(std::size_t drone, const FlownKeyframe& keyframe) const;
-  [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone,
+  [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone, const std::string& asker,
                                                  const FlownKeyframe& seen) const;
   void keep_most_useful(Sight& sight, const FlownKeyframe& seen) const;
   // Through bytes and back, as its sender has it; nothing if the link would refuse it.

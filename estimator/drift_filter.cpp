@@ -48,6 +48,22 @@ Matrix7d noise_of(const RelativePose& measurement, const DepthRatio* ratio,
   return noise;
 }
 
+struct FoundVariances {
+  double position = 0, angle = 0;  // m2 and rad2, sums over the three axes
+};
+
+FoundVariances variances_of(const RelativePose& measurement) {
+  return {measurement.covariance.topLeftCorner<3, 3>().trace(),
+          measurement.covariance.bottomRightCorner<3, 3>().trace()};
+}
+
+void enlarge(RelativePose& measurement, double factor) {
+  measurement.covariance *= factor;
+  if (!measurement.depth_ratio) return;
+  measurement.depth_ratio->variance *= factor;
+  measurement.depth_ratio->covariance_with_pose *= factor;
+}
+
 // Is the way such that depths measured over it are as wrong as it is?
 bool measures_depths(const KeyframePose& from, const KeyframePose& to, double least_s) {
   return seconds_between(from.stamp_ns, to.stamp_ns) >= least_s &&
@@ -103,7 +119,23 @@ RelativePose DriftFilter::believable(RelativePose measurement) const {
   const double m = config_.found_position_sigma_m, rad = config_.found_angle_sigma;
   measurement.covariance.diagonal().head<3>().array() += m * m;
   measurement.covariance.diagonal().tail<3>().array() += rad * rad;
+  if (usual_found_.count == 0) return measurement;
+  const FoundVariances claimed = variances_of(measurement);
+  const double factor =
+      config_.least_claim * std::max(std::exp(usual_found_.log_position) / claimed.position,
+                                     std::exp(usual_found_.log_angle) / claimed.angle);
+  enlarge(measurement, std::max(1.0, factor));
   return measurement;
+}
+
+void DriftFilter::learn_usual(const RelativePose& found) {
+  constexpr int kMemory = 100;
+  if (found.found_by_other) return;
+  usual_found_.count = std::min(usual_found_.count + 1, kMemory);
+  const FoundVariances variances = variances_of(found);
+  const double share = 1.0 / usual_found_.count;
+  usual_found_.log_position += share * (std::log(variances.position) - usual_found_.log_position);
+  usual_found_.log_angle += share * (std::log(variances.angle) - usual_found_.log_angle);
 }
 
 DriftFilter::Node DriftFilter::to_node(std::size_t drone, const KeyframePose& pose) const {
@@ -262,6 +294,7 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
+  learn_usual(measurement);
   const RelativePose believed = believable(measurement);
   if (drone.world.known) return use(*index, believed);
   const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, believed);

@@ -35,7 +35,8 @@ struct DriftConfig {
   int max_keyframes = 100;         // in the state
   double gate_confidence = 0.999;  // share of good relative poses that pass the chi-square gate
   // A peer's claim to drift less than this share of the own odometry over the same time is not
-  // believed (variances).
+  // believed (variances), nor one to have found a keyframe that much more exactly than the own
+  // drone usually does.
   double least_claim = 0.5;
   // What a peer says to have found of the own landmarks is not verified here: it counts as at least
   // that uncertain (standard deviations, added).
@@ -111,6 +112,11 @@ class DriftFilter {
   struct Neighbours {
     int earlier = -1, later = -1;
   };
+  // How sure the relative poses are that the own drone finds: means of the variances' logarithms.
+  struct UsualFound {
+    int count = 0;
+    double log_position = 0, log_angle = 0;  // m2 and rad2, sums over the three axes
+  };
   struct OwnDrift {
     TimeNs stamp_ns = 0;
     double position = 0, yaw = 0;  // variances, m2 and rad2
@@ -127,6 +133,7 @@ class DriftFilter {
   }
   [[nodiscard]] Matrix6d believable(const KeyframePose& peer) const;
   [[nodiscard]] RelativePose believable(RelativePose measurement) const;
+  void learn_usual(const RelativePose& found);
   [[nodiscard]] Node to_node(std::size_t drone, const KeyframePose& pose) const;
   [[nodiscard]] Neighbours neighbours(std::size_t drone, TimeNs stamp_ns) const;
   [[nodiscard]] int find_or_insert(const Node& node);
@@ -177,6 +184,7 @@ class DriftFilter {
   Eigen::VectorXd x_;
   Eigen::MatrixXd P_;
   std::deque<OwnDrift> own_history_;  // rising stamps
+  UsualFound usual_found_;
 };
 
 }  // namespace covey

@@ -202,7 +202,7 @@ bool Collaborator::wants_to_ask() {
 }
 
 PlaceAdvert Collaborator::question(PlaceAdvert advert) {
-  const double interval_s = (strangers_.empty() ? 1 : 0.5) * config_.corners_interval_s;
+  const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 3);
   if (corners_told_ns_ && seconds_between(*corners_told_ns_, advert.stamp_ns) < interval_s) {
     advert.descriptor.clear();
   } else {
@@ -374,10 +374,6 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++report_.advert_unknown_place;
     return std::nullopt;
   }
-  if (!limiter_.allows(advert.sender, answer->pose.keyframe_id, now_ns_)) {
-    ++report_.advert_too_soon;
-    return std::nullopt;
-  }
   limiter_.sent(advert.sender, answer->pose.keyframe_id, now_ns_);
   ++report_.answered;
   return answer;
@@ -418,8 +414,9 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
   std::vector<KeyframeFeature> best_landmarks;
   double best_worth = 0;
   const std::optional<CameraView> asked_from = view_of_asker(advert);
-  for (const RankedKeyframe& candidate :
-       is_brief(advert) ? nearest_keyframes(*asked_from) : similar_keyframes(advert, asked_from)) {
+  for (const RankedKeyframe& candidate : is_brief(advert)
+                                             ? nearest_keyframes(advert.sender, *asked_from)
+                                             : similar_keyframes(advert, asked_from)) {
     std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
     if (asked_from && !would_be_found(landmarks, *candidate.keyframe, *asked_from)) continue;
@@ -490,12 +487,18 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
   return view;
 }
 
+// Not twice within a short time, and nothing that is seen from too far apart.
+bool Collaborator::may_answer_with(const Keyframe& keyframe, const std::string& asker,
+                                   const std::optional<CameraView>& asked_from) const {
+  return limiter_.allows(asker, keyframe.pose.keyframe_id, now_ns_) &&
+         (!asked_from || sure_difference(keyframe, *asked_from) <= config_.answer_max_difference);
+}
+
 std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
     const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
   std::vector<RankedKeyframe> similar;
   for (const Keyframe& keyframe : database_.keyframes()) {
-    if (asked_from && sure_difference(keyframe, *asked_from) > config_.answer_max_difference)
-      continue;
+    if (!may_answer_with(keyframe, advert.sender, asked_from)) continue;
     const double score = place_score(config_.place_mode, advert.descriptor, keyframe.place);
     if (score >= place_threshold_) similar.push_back({&keyframe, score});
   }
@@ -507,11 +510,10 @@ std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
 }
 
 std::vector<Collaborator::RankedKeyframe> Collaborator::nearest_keyframes(
-    const CameraView& asked_from) const {
+    const std::string& asker, const CameraView& asked_from) const {
   std::vector<RankedKeyframe> near;
   for (const Keyframe& keyframe : database_.keyframes()) {
-    if (sure_difference(keyframe, asked_from) <= config_.answer_max_difference)
-      near.push_back({&keyframe, 1});
+    if (may_answer_with(keyframe, asker, asked_from)) near.push_back({&keyframe, 1});
   }
   const auto nearer = [&](const RankedKeyframe& a, const RankedKeyframe& b) {
     return view_difference(view_of(*a.keyframe), asked_from) <
@@ -552,8 +554,8 @@ std::vector<KeyframeFeature> Collaborator::in_sight(
   std::vector<std::pair<double, std::size_t>> order;
   const std::vector<Eigen::Vector3d> positions = positions_of(landmarks);
   for (std::size_t i = 0; i < positions.size(); ++i) {
-    const std::optional<double> angle = viewing_angle(positions[i], T_keyframe_asker, camera_);
-    if (angle) order.emplace_back(*angle, i);
+    if (viewing_angle(positions[i], T_keyframe_asker, camera_))
+      order.emplace_back(-landmarks[i].inverse_depth, i);
   }
   return first_of(landmarks, std::move(order));
 }

@@ -57,12 +57,12 @@ struct CollaboratorConfig {
 
   // Asking and storing.
   KeyframeRule keyframe = {0.07, 0.35, 0.25};
-  KeyframeRule question = {0.07, 0.35, 0.3};  // the same, between keyframes that are asked about
+  KeyframeRule question = {0.07, 0.35, 0.35};  // the same, between keyframes that are asked about
   KeyframeDatabase::Config database;
   // s, between questions that carry the place's corners. Those between are brief, and so are their
   // answers: who knows where a drone is needs no descriptors.
-  // Half of it while a drone is heard of which nobody knows where its world lies.
-  double corners_interval_s = 2.0;
+  // A third of it while a drone asks of which is not known where its world lies.
+  double corners_interval_s = 3.0;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
   // Revisiting.
@@ -78,7 +78,7 @@ struct CollaboratorConfig {
   AnswerLimiter::Config limiter;  // of the compact exchange
   double answer_max_difference = 3.0;  // between the views, as far as they are sure
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 95;              // of an answer; all, if the exchange is not compact
+  int max_landmarks = 85;              // of an answer; all, if the exchange is not compact
 
   // Whether who has answered is told what came of it, in the compact exchange.
   bool tell_found = true;
@@ -187,14 +187,18 @@ class Collaborator {
   [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
   [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
+  [[nodiscard]] bool may_answer_with(const Keyframe& keyframe, const std::string& asker,
+                                     const std::optional<CameraView>& asked_from) const;
   [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(
       const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
-  [[nodiscard]] std::vector<RankedKeyframe> nearest_keyframes(const CameraView& asked_from) const;
+  [[nodiscard]] std::vector<RankedKeyframe> nearest_keyframes(const std::string& asker,
+                                                              const CameraView& asked_from) const;
   [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
                                       const std::vector<KeyframeFeature>& landmarks) const;
   [[nodiscard]] std::vector<KeyframeFeature> most_useful(
       const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const;
-  // As many as an answer holds, those first that look most alike from there.
+  // Those in the asker's image, as many as an answer holds: first the nearest, which tell most of
+  // the way.
   [[nodiscard]] std::vector<KeyframeFeature> in_sight(
       const std::vector<KeyframeFeature>& landmarks,
       const Eigen::Isometry3d& T_keyframe_asker) const;

@@ -243,6 +243,28 @@ TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
   EXPECT_GT(position_variance({}), position_variance(credulous) + 1e-7);
 }
 
+// Who knows how well places are found believes no claim that is more than twice as good.
+TEST(DriftFilter, NobodyIsBelievedToFindPlacesMuchBetterThanTheOwnDroneDoes) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  DriftConfig config;
+  config.found_position_sigma_m = config.found_angle_sigma = 0;
+  const auto position_variance = [&](double claimed_share) {
+    DriftFilter filter(config, "uav0");
+    EXPECT_EQ(filter.add(relative(own, 8, other, 8, 3)), DriftOutcome::kUsed);
+    RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
+                                         own.keyframes[12], own.keyframes[6]);
+    claimed.covariance = claimed_share * relative(own, 8, other, 8, 3).covariance;
+    EXPECT_EQ(filter.add(claimed), DriftOutcome::kUsed);
+    return filter.corrected(odometry_at(own.keyframes[12]))
+        .pose_covariance.topLeftCorner<3, 3>()
+        .trace();
+  };
+  const double believed = position_variance(config.least_claim);
+  EXPECT_NEAR(position_variance(1e-2), believed, 1e-3 * believed);
+  EXPECT_NEAR(position_variance(1e-5), believed, 1e-3 * believed);
+  EXPECT_GT(position_variance(2), 1.01 * believed);
+}
+
 TEST(DriftFilter, WhoseWayIsSaidToBeTooShortHasGoneFurther) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   const auto gone_along_way = [&](double change) {

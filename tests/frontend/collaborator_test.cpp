@@ -217,7 +217,7 @@ TEST(Collaborator, AsksAboutNewViewsOnly) {
   };
   Collaborator drone = make_drone("uav0");
   EXPECT_TRUE(asks(drone, 0, 1));
-  EXPECT_FALSE(asks(drone, 1.5, 1.25)) << "too soon";
+  EXPECT_FALSE(asks(drone, 1.5, 1.3)) << "too soon";
   EXPECT_TRUE(asks(drone, 1.5, 2));
   EXPECT_FALSE(asks(drone, 2.7, 3)) << "nearer to the last question's than 7 % of the depth";
   EXPECT_TRUE(asks(drone, 3.2, 4));
@@ -359,10 +359,11 @@ TEST(Collaborator, SamePeerGetsTheSameKeyframeAgainOnlyLater) {
     (void)team.uav1.wants_keyframe(nanoseconds(seconds), level_camera({0, 0, 0}));
     return team.uav1.answer(team.advert).has_value();
   };
-  EXPECT_FALSE(at(1.5)) << "peers are answered once a second";
+  EXPECT_FALSE(at(1.4)) << "peers are answered twice a second";
+  EXPECT_EQ(team.uav1.report().advert_too_soon, 1);
   EXPECT_FALSE(at(2.5)) << "and not twice the same";
+  EXPECT_EQ(team.uav1.report().advert_unknown_place, 1) << "there is no other";
   EXPECT_TRUE(at(3.1)) << "the first answer may have been lost";
-  EXPECT_EQ(team.uav1.report().advert_too_soon, 2);
   PlaceAdvert other = team.advert;
   other.sender = "uav2";
   EXPECT_TRUE(team.uav1.answer(other).has_value()) << "peers are limited one by one";
@@ -451,7 +452,7 @@ TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
   EXPECT_EQ(team.uav1.report().advert_malformed, 2);
 }
 
-// Corners go along every two seconds, every second while somebody is a stranger.
+// Corners go along every three seconds, thrice as often while somebody is a stranger.
 TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
   CollaboratorConfig config;
@@ -463,17 +464,17 @@ TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
                 .descriptor.empty();
   };
   EXPECT_TRUE(has_corners(1));
-  EXPECT_FALSE(has_corners(2.9)) << "nobody has been heard";
-  EXPECT_TRUE(has_corners(3));
+  EXPECT_FALSE(has_corners(3.9)) << "nobody has been heard";
+  EXPECT_TRUE(has_corners(4));
   PlaceAdvert heard;
   heard.sender = "uav1";
   EXPECT_FALSE(drone.answer(heard).has_value());
   EXPECT_EQ(drone.report().advert_other_vocabulary, 1);
-  EXPECT_FALSE(has_corners(3.9));
-  EXPECT_TRUE(has_corners(4)) << "uav1 does not know the way here";
+  EXPECT_FALSE(has_corners(4.9));
+  EXPECT_TRUE(has_corners(5)) << "uav1 does not know the way here";
   drone.know_world("uav1", Eigen::Isometry3d::Identity());
-  EXPECT_FALSE(has_corners(5.9));
-  EXPECT_TRUE(has_corners(6));
+  EXPECT_FALSE(has_corners(7.9));
+  EXPECT_TRUE(has_corners(8));
 }
 
 TEST(Collaborator, AnswersBriefQuestionsOfThoseAloneOfWhomItKnowsWhereTheyAre) {
