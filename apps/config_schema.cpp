@@ -282,7 +282,11 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.count("min_landmarks", c.min_landmarks, {1, 256}, "in an answer");
   v.number("drift_px", c.matching.drift_px, {0, 1e4},
            "[px] by which worlds may look shifted, in a first attempt to match");
-  v.count("max_landmarks", c.max_landmarks, {1, 256}, "in an answer");
+  v.count("least_landmarks", c.limiter.least_landmarks, {1, 256},
+          "in an answer; if a peer's share is smaller, answers get rarer");
+  v.count("max_landmarks", c.limiter.max_landmarks, {1, 256}, "in an answer");
+  v.number("landmarks_per_s", c.limiter.landmarks_per_s, {0, 1e6},
+           "[1/s] that all peers share; 0: no bound");
   v.number("least_found_share", c.least_found_share, {0, 1},
            "of the landmarks in sight, while a peer's world is unknown");
   v.number("patch_spacing_px", c.matching.patch.spacing_px, {0.5, 10},

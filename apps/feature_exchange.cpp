@@ -74,9 +74,8 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
 
 void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe) const {
   self.last_asked = keyframe.pose;
-  self.asks_briefly =
-      self.corners_told_ns && seconds_between(*self.corners_told_ns, keyframe.pose.stamp_ns) <
-                                  config_.limits.corners_interval_s;
+  self.asks_briefly = may_ask_briefly(config_.limits.corners_interval_s, self.corners_told_ns,
+                                      keyframe.pose.stamp_ns);
   if (!self.asks_briefly) self.corners_told_ns = keyframe.pose.stamp_ns;
   const std::size_t corners =
       self.asks_briefly ? 0 : std::min(keyframe.features.size(), kCompactCorners);
@@ -162,9 +161,9 @@ FeatureExchange::Sight FeatureExchange::sight_of(std::size_t drone,
   return sight;
 }
 
-// As many as an answer holds, first those that the asking one sees too, rising landmarks.
-void FeatureExchange::keep_most_useful(Sight& sight, const FlownKeyframe& seen) const {
-  const auto most = static_cast<std::size_t>(config_.limits.max_landmarks);
+// At most so many, first those that the asking one sees too, rising landmarks.
+void FeatureExchange::keep_most_useful(Sight& sight, const FlownKeyframe& seen,
+                                       std::size_t most) const {
   if (sight.landmarks.size() <= most) return;
   std::unordered_set<std::size_t> shared;
   for (const auto& [theirs, own] : common(seen.features, sight.landmarks)) {
@@ -184,11 +183,11 @@ void FeatureExchange::keep_most_useful(Sight& sight, const FlownKeyframe& seen) 
 // that was not just sent.
 std::optional<FeatureExchange::Sight> FeatureExchange::best_answer(
     std::size_t drone, const std::string& asker, const FlownKeyframe& seen) const {
+  const AnswerLimiter& limiter = drones_[drone].limiter;
   std::optional<Sight> best;
   double best_score = 0;
   for (const FlownKeyframe& keyframe : drones_[drone].keyframes) {
-    if (!drones_[drone].limiter.allows(asker, keyframe.pose.keyframe_id, seen.pose.stamp_ns))
-      continue;
+    if (limiter.has_just_sent(asker, keyframe.pose.keyframe_id, seen.pose.stamp_ns)) continue;
     Sight sight = sight_of(drone, keyframe);
     const std::size_t shared = common(seen.features, sight.landmarks).size();
     if (shared < static_cast<std::size_t>(config_.limits.min_landmarks)) continue;
@@ -199,7 +198,9 @@ std::optional<FeatureExchange::Sight> FeatureExchange::best_answer(
     best_score = score;
     best = std::move(sight);
   }
-  if (best) keep_most_useful(*best, seen);
+  if (!best) return best;
+  const int most = limiter.max_landmarks(asker, seen.pose.stamp_ns);
+  keep_most_useful(*best, seen, static_cast<std::size_t>(most));
   return best;
 }
 

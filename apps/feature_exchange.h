@@ -96,7 +96,7 @@ class FeatureExchange {
   [[nodiscard]] Sight sight_of(std::size_t drone, const FlownKeyframe& keyframe) const;
   [[nodiscard]] std::optional<Sight> best_answer(std::size_t drone, const std::string& asker,
                                                  const FlownKeyframe& seen) const;
-  void keep_most_useful(Sight& sight, const FlownKeyframe& seen) const;
+  void keep_most_useful(Sight& sight, const FlownKeyframe& seen, std::size_t most) const;
   // Through bytes and back, as its sender has it; nothing if the link would refuse it.
   [[nodiscard]] std::optional<PeerKeyframe> deliver(std::size_t sender, PeerKeyframe message);
   [[nodiscard]] std::optional<Sight> send(std::size_t receiver, std::uint64_t request,

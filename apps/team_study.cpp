@@ -103,6 +103,7 @@ std::vector<TeamMember> fuse_unlimited(const SimulatedTeam& team) {
   FeatureExchangeConfig exchange = team.exchange;
   exchange.limits.limiter.answer_interval_s = 0;
   exchange.limits.limiter.resend_interval_s = 0;
+  exchange.limits.limiter.landmarks_per_s = 0;
   exchange.limits.max_revisits = static_cast<int>(team.solo.names.size());
   exchange.corner_mismatch = 0;
   return fuse(team, exchange);

@@ -5,22 +5,47 @@
 
 namespace covey {
 
+std::size_t AnswerLimiter::sharers(const std::string& peer, TimeNs now_ns) const {
+  constexpr double kMemory_s = 6;  // 64 peers with 40 landmarks each are answered every 5.7 s
+  const auto is_sharer = [&](const auto& other) {
+    return other.first == peer ||
+           std::any_of(other.second.begin(), other.second.end(), [&](const auto& sent) {
+             return seconds_between(sent.second, now_ns) < kMemory_s;
+           });
+  };
+  const auto known = std::count_if(sent_ns_.begin(), sent_ns_.end(), is_sharer);
+  return static_cast<std::size_t>(known) + (sent_ns_.count(peer) == 0 ? 1 : 0);
+}
+
+AnswerLimiter::Share AnswerLimiter::share_of(const std::string& peer, TimeNs now_ns) const {
+  const int most = config_.max_landmarks;
+  if (config_.landmarks_per_s == 0) return {most, config_.answer_interval_s};
+  const double per_s = config_.landmarks_per_s / static_cast<double>(sharers(peer, now_ns));
+  const int landmarks = std::clamp(static_cast<int>(per_s * config_.answer_interval_s),
+                                   std::min(config_.least_landmarks, most), most);
+  return {landmarks, std::max(config_.answer_interval_s, landmarks / per_s)};
+}
+
+int AnswerLimiter::max_landmarks(const std::string& peer, TimeNs now_ns) const {
+  return share_of(peer, now_ns).landmarks;
+}
+
 bool AnswerLimiter::allows(const std::string& peer, TimeNs now_ns) const {
   const auto history = sent_ns_.find(peer);
   if (history == sent_ns_.end()) return sent_ns_.size() < config_.max_peers;
+  const double apart_s = share_of(peer, now_ns).interval_s;
   return std::all_of(history->second.begin(), history->second.end(), [&](const auto& sent) {
-    return seconds_between(sent.second, now_ns) >= config_.answer_interval_s;
+    return seconds_between(sent.second, now_ns) >= apart_s;
   });
 }
 
-bool AnswerLimiter::allows(const std::string& peer, std::uint64_t keyframe_id,
-                           TimeNs now_ns) const {
-  if (!allows(peer, now_ns)) return false;
+bool AnswerLimiter::has_just_sent(const std::string& peer, std::uint64_t keyframe_id,
+                                  TimeNs now_ns) const {
   const auto history = sent_ns_.find(peer);
-  if (history == sent_ns_.end()) return true;
+  if (history == sent_ns_.end()) return false;
   const auto sent = history->second.find(keyframe_id);
-  return sent == history->second.end() ||
-         seconds_between(sent->second, now_ns) >= config_.resend_interval_s;
+  return sent != history->second.end() &&
+         seconds_between(sent->second, now_ns) < config_.resend_interval_s;
 }
 
 bool AnswerLimiter::has_sent(const std::string& peer, std::uint64_t keyframe_id) const {

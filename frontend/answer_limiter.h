@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Keeps the answers to one peer apart. What was sent may have been lost on the way, so nothing
-// counts as delivered: after a while the same keyframe may go out again.
+// Keeps the answers to one peer apart, and bounds what all peers together are sent: it is shared by
+// those that were answered lately. What was sent may have been lost on the way, so nothing counts
+// as delivered: after a while the same keyframe may go out again.
 #pragma once
 
 #include <cstdint>
@@ -18,18 +19,32 @@ class AnswerLimiter {
     double answer_interval_s = 0.5;  // between two answers to one peer
     double resend_interval_s = 2.0;  // before one peer gets the same keyframe again
     std::size_t max_peers = 64;      // who invents more names gets no answer
+    double landmarks_per_s = 450;    // that all peers share; 0: no bound
+    int least_landmarks = 40;        // of an answer; if shares are smaller, answers get rarer
+    int max_landmarks = 85;          // of an answer
   };
 
   explicit AnswerLimiter(const Config& config) : config_(config) {}
 
   [[nodiscard]] bool allows(const std::string& peer, TimeNs now_ns) const;
-  [[nodiscard]] bool allows(const std::string& peer, std::uint64_t keyframe_id,
-                            TimeNs now_ns) const;
+  // Of an answer to this peer now.
+  [[nodiscard]] int max_landmarks(const std::string& peer, TimeNs now_ns) const;
+  // Too lately to be sent again.
+  [[nodiscard]] bool has_just_sent(const std::string& peer, std::uint64_t keyframe_id,
+                                   TimeNs now_ns) const;
   // Lately, as long as it matters for the intervals.
   [[nodiscard]] bool has_sent(const std::string& peer, std::uint64_t keyframe_id) const;
   void sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns);
 
  private:
+  // How many share what is sent if this one is answered as well.
+  [[nodiscard]] std::size_t sharers(const std::string& peer, TimeNs now_ns) const;
+  struct Share {
+    int landmarks = 0;      // of an answer
+    double interval_s = 0;  // between two answers
+  };
+  [[nodiscard]] Share share_of(const std::string& peer, TimeNs now_ns) const;
+
   Config config_;
   // By peer: when each own keyframe was sent, no longer ago than the resend interval.
   std::map<std::string, std::map<std::uint64_t, TimeNs>> sent_ns_;

@@ -26,7 +26,7 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary,
   require(!vocabulary.words.empty(), "the vocabulary has no words");
   require(mean_focal_length_px(camera) > 0, "the focal length must be positive (px)");
   require(config.keyframe.fallback_depth > 0, "keyframe.fallback_depth must be positive (m)");
-  require(config.min_landmarks >= 1 && config.max_landmarks >= config.min_landmarks,
+  require(config.min_landmarks >= 1 && config.limiter.max_landmarks >= config.min_landmarks,
           "need 1 <= min_landmarks <= max_landmarks");
   require(
       config.matching.verification.min_inliers >= 3 && config.matching.verification.inlier_px > 0,
@@ -44,8 +44,9 @@ CollaboratorConfig for_exchange(CollaboratorConfig config) {
   if (config.place_threshold == 0) config.place_threshold = kThreshold;
   config.limiter.answer_interval_s = 0;
   config.limiter.resend_interval_s = 0;
+  config.limiter.landmarks_per_s = 0;
+  config.limiter.max_landmarks = static_cast<int>(kMaxAccepted);
   config.corners_interval_s = 0;
-  config.max_landmarks = static_cast<int>(kMaxAccepted);
   return config;
 }
 
@@ -88,14 +89,17 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   return landmarks;
 }
 
-// In the frame of the camera that has seen them.
+// In the frame of the camera that has seen it.
+template <typename Landmark>
+Eigen::Vector3d position_of(const Landmark& landmark) {
+  return landmark.bearing.homogeneous() / landmark.inverse_depth;
+}
+
 template <typename Landmarks>
 std::vector<Eigen::Vector3d> positions_of(const Landmarks& landmarks) {
   std::vector<Eigen::Vector3d> positions;
   positions.reserve(landmarks.size());
-  for (const auto& landmark : landmarks) {
-    positions.emplace_back(landmark.bearing.homogeneous() / landmark.inverse_depth);
-  }
+  for (const auto& landmark : landmarks) positions.push_back(position_of(landmark));
   return positions;
 }
 
@@ -203,7 +207,7 @@ bool Collaborator::wants_to_ask() {
 
 PlaceAdvert Collaborator::question(PlaceAdvert advert) {
   const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 3);
-  if (corners_told_ns_ && seconds_between(*corners_told_ns_, advert.stamp_ns) < interval_s) {
+  if (may_ask_briefly(interval_s, corners_told_ns_, advert.stamp_ns)) {
     advert.descriptor.clear();
   } else {
     corners_told_ns_ = advert.stamp_ns;
@@ -365,11 +369,12 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   if (has_started_anew(advert)) forget(advert.sender);
   matcher_.note_keyframe(advert.sender, advert.keyframe_id);
   note_stranger(advert.sender);
-  if (int* counter = refusal(advert)) {
+  const std::optional<CameraView> asked_from = view_of_asker(advert);
+  if (int* counter = refusal(advert, asked_from)) {
     ++*counter;
     return std::nullopt;
   }
-  std::optional<PeerKeyframe> answer = best_answer(advert);
+  std::optional<PeerKeyframe> answer = best_answer(advert, asked_from);
   if (!answer) {
     ++report_.advert_unknown_place;
     return std::nullopt;
@@ -396,12 +401,11 @@ bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
   return matcher_.has_started_anew(advert.sender, advert.keyframe_id);
 }
 
-int* Collaborator::refusal(const PlaceAdvert& advert) {
+int* Collaborator::refusal(const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) {
   if (advert.sender == config_.agent) return &report_.advert_own;
   if (advert.sender.empty()) return &report_.advert_malformed;
   if (advert.vocabulary_hash != vocabulary_hash_) return &report_.advert_other_vocabulary;
   if (is_brief(advert)) {
-    const std::optional<CameraView> asked_from = view_of_asker(advert);
     if (!asked_from || !is_sure(*asked_from)) return &report_.advert_unknown_asker;
   } else if (!is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
     return &report_.advert_malformed;
@@ -409,17 +413,18 @@ int* Collaborator::refusal(const PlaceAdvert& advert) {
   return limiter_.allows(advert.sender, now_ns_) ? nullptr : &report_.advert_too_soon;
 }
 
-std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert) const {
+std::optional<PeerKeyframe> Collaborator::best_answer(
+    const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
   const Keyframe* best = nullptr;
   std::vector<KeyframeFeature> best_landmarks;
   double best_worth = 0;
-  const std::optional<CameraView> asked_from = view_of_asker(advert);
+  const auto most = static_cast<std::size_t>(limiter_.max_landmarks(advert.sender, now_ns_));
   for (const RankedKeyframe& candidate : is_brief(advert)
                                              ? nearest_keyframes(advert.sender, *asked_from)
                                              : similar_keyframes(advert, asked_from)) {
     std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
     if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
-    if (asked_from && !would_be_found(landmarks, *candidate.keyframe, *asked_from)) continue;
+    if (asked_from && !would_be_found(landmarks, most, *candidate.keyframe, *asked_from)) continue;
     const double score = landmark_score(advert, candidate, landmarks);
     if (score < place_threshold_) continue;
     const double worth = answer_worth(score, *candidate.keyframe, asked_from);
@@ -429,10 +434,12 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
     best_landmarks = std::move(landmarks);
   }
   if (best == nullptr) return std::nullopt;
-  PeerKeyframe answer =
-      told(*best, is_brief(advert) ? in_sight(best_landmarks, best->pose.T_world_cam.inverse() *
-                                                                  asked_from->T_world_cam)
-                                   : most_useful(best_landmarks, advert));
+  std::vector<KeyframeFeature> landmarks =
+      is_brief(advert)
+          ? in_sight(best_landmarks, best->pose.T_world_cam.inverse() * asked_from->T_world_cam)
+          : most_useful(best_landmarks, advert);
+  landmarks.resize(std::min(landmarks.size(), most));
+  PeerKeyframe answer = told(*best, landmarks);
   answer.described = !is_brief(advert);
   answer.receiver = advert.sender;
   answer.request_keyframe_id = advert.keyframe_id;
@@ -440,7 +447,7 @@ std::optional<PeerKeyframe> Collaborator::best_answer(const PlaceAdvert& advert)
 }
 
 // Chance finds grow with what is looked for, and half of all finds must agree: hence a share.
-bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
+bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks, std::size_t sent,
                                   const Keyframe& keyframe, const CameraView& asked_from) const {
   constexpr double kMinShare = 0.25;
   if (!is_sure(asked_from)) return true;  // nobody knows
@@ -448,8 +455,9 @@ bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks,
       viewing_angles(positions_of(landmarks),
                      keyframe.pose.T_world_cam.inverse() * asked_from.T_world_cam, camera_);
   const double finds = tolerance_.expected_finds(angles);
-  const double sent = std::min(1.0, config_.max_landmarks / static_cast<double>(landmarks.size()));
-  return sent * finds >= config_.matching.min_matches &&
+  const double sent_share =
+      std::min(1.0, static_cast<double>(sent) / static_cast<double>(landmarks.size()));
+  return sent_share * finds >= config_.matching.min_matches &&
          finds >= kMinShare * static_cast<double>(angles.size());
 }
 
@@ -490,7 +498,7 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
 // Not twice within a short time, and nothing that is seen from too far apart.
 bool Collaborator::may_answer_with(const Keyframe& keyframe, const std::string& asker,
                                    const std::optional<CameraView>& asked_from) const {
-  return limiter_.allows(asker, keyframe.pose.keyframe_id, now_ns_) &&
+  return !limiter_.has_just_sent(asker, keyframe.pose.keyframe_id, now_ns_) &&
          (!asked_from || sure_difference(keyframe, *asked_from) <= config_.answer_max_difference);
 }
 
@@ -537,39 +545,32 @@ double Collaborator::landmark_score(const PlaceAdvert& advert, const RankedKeyfr
 // Those first that the advert's corners are most like: the peer will find them.
 std::vector<KeyframeFeature> Collaborator::most_useful(
     const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const {
+  if (config_.place_mode != PlaceMode::kCompact) return landmarks;
   std::vector<std::pair<double, std::size_t>> order;  // less is better
   for (std::size_t i = 0; i < landmarks.size(); ++i) order.emplace_back(0.0, i);
-  if (config_.place_mode == PlaceMode::kCompact) {
-    const auto corners = describe_compact(descriptors_of(landmarks));
-    for (const IndexPair& match : common_corners(corners, advert.descriptor)) {
-      order[match.own].first = -corner_weight(match);
-    }
+  const auto corners = describe_compact(descriptors_of(landmarks));
+  for (const IndexPair& match : common_corners(corners, advert.descriptor)) {
+    order[match.own].first = -corner_weight(match);
   }
-  return first_of(landmarks, std::move(order));
+  std::sort(order.begin(), order.end());
+  std::vector<KeyframeFeature> useful;
+  useful.reserve(order.size());
+  for (const auto& [key, index] : order) useful.push_back(landmarks[index]);
+  return useful;
 }
 
 std::vector<KeyframeFeature> Collaborator::in_sight(
     const std::vector<KeyframeFeature>& landmarks,
     const Eigen::Isometry3d& T_keyframe_asker) const {
-  std::vector<std::pair<double, std::size_t>> order;
-  const std::vector<Eigen::Vector3d> positions = positions_of(landmarks);
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    if (viewing_angle(positions[i], T_keyframe_asker, camera_))
-      order.emplace_back(-landmarks[i].inverse_depth, i);
-  }
-  return first_of(landmarks, std::move(order));
-}
-
-// As many as an answer holds, those with the least key first.
-std::vector<KeyframeFeature> Collaborator::first_of(
-    const std::vector<KeyframeFeature>& landmarks,
-    std::vector<std::pair<double, std::size_t>> order) const {
-  std::sort(order.begin(), order.end());
-  order.resize(std::min(order.size(), static_cast<std::size_t>(config_.max_landmarks)));
-  std::vector<KeyframeFeature> first;
-  first.reserve(order.size());
-  for (const auto& [key, index] : order) first.push_back(landmarks[index]);
-  return first;
+  std::vector<KeyframeFeature> seen;
+  const Eigen::Isometry3d T_asker_keyframe = T_keyframe_asker.inverse();
+  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(seen),
+               [&](const KeyframeFeature& landmark) {
+                 return is_in_sight(camera_, T_asker_keyframe * position_of(landmark));
+               });
+  std::stable_sort(seen.begin(), seen.end(),
+                   [](const auto& a, const auto& b) { return a.inverse_depth > b.inverse_depth; });
+  return seen;
 }
 
 std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe) const {

@@ -59,9 +59,9 @@ struct CollaboratorConfig {
   KeyframeRule keyframe = {0.07, 0.35, 0.25};
   KeyframeRule question = {0.07, 0.35, 0.35};  // the same, between keyframes that are asked about
   KeyframeDatabase::Config database;
-  // s, between questions that carry the place's corners. Those between are brief, and so are their
-  // answers: who knows where a drone is needs no descriptors.
-  // A third of it while a drone asks of which is not known where its world lies.
+  // s, between questions that carry the place's corners; a third of it while a drone is about whose
+  // world is not known. Questions in between are brief, and so are their answers: who knows where
+  // the asker is needs no descriptors.
   double corners_interval_s = 3.0;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
@@ -75,10 +75,9 @@ struct CollaboratorConfig {
   // Answering.
   PlaceMode place_mode = PlaceMode::kCompact;  // of the compact exchange; others: kPaper
   double place_threshold = 0;     // least score that is answered; 0: default_threshold of the mode
-  AnswerLimiter::Config limiter;  // of the compact exchange
+  AnswerLimiter::Config limiter;  // of the compact exchange; the others send all landmarks
   double answer_max_difference = 3.0;  // between the views, as far as they are sure
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
-  int max_landmarks = 85;              // of an answer; all, if the exchange is not compact
 
   // Whether who has answered is told what came of it, in the compact exchange.
   bool tell_found = true;
@@ -183,10 +182,12 @@ class Collaborator {
   [[nodiscard]] const Keyframe* newest_image() const;
   [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   void note_stranger(const std::string& sender);
-  // The counter of why an advert gets no answer, or null.
-  [[nodiscard]] int* refusal(const PlaceAdvert& advert);
   [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
-  [[nodiscard]] std::optional<PeerKeyframe> best_answer(const PlaceAdvert& advert) const;
+  // The counter of why an advert gets no answer, or null. `asked_from`: view_of_asker().
+  [[nodiscard]] int* refusal(const PlaceAdvert& advert,
+                             const std::optional<CameraView>& asked_from);
+  [[nodiscard]] std::optional<PeerKeyframe> best_answer(
+      const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
   [[nodiscard]] bool may_answer_with(const Keyframe& keyframe, const std::string& asker,
                                      const std::optional<CameraView>& asked_from) const;
   [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(
@@ -197,14 +198,10 @@ class Collaborator {
                                       const std::vector<KeyframeFeature>& landmarks) const;
   [[nodiscard]] std::vector<KeyframeFeature> most_useful(
       const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const;
-  // Those in the asker's image, as many as an answer holds: first the nearest, which tell most of
-  // the way.
+  // Those in the asker's image: first the nearest, which tell most of the way.
   [[nodiscard]] std::vector<KeyframeFeature> in_sight(
       const std::vector<KeyframeFeature>& landmarks,
       const Eigen::Isometry3d& T_keyframe_asker) const;
-  [[nodiscard]] std::vector<KeyframeFeature> first_of(
-      const std::vector<KeyframeFeature>& landmarks,
-      std::vector<std::pair<double, std::size_t>> order) const;
   // Those whose depth is known.
   [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
@@ -221,7 +218,7 @@ class Collaborator {
   void forget(const std::string& peer);  // what is remembered of it
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
   // Whether enough of a keyframe's landmarks would be found by who asks.
-  [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks,
+  [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks, std::size_t sent,
                                     const Keyframe& keyframe, const CameraView& asked_from) const;
   [[nodiscard]] bool is_sure(const CameraView& view) const;
   void learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match);

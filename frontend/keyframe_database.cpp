@@ -63,6 +63,11 @@ bool is_worth_asking(const KeyframeRule& rule, const std::optional<KeyframePose>
          is_keyframe(rule, *last_asked, newest.stamp_ns, newest.T_world_cam, mean_depth);
 }
 
+bool may_ask_briefly(double corners_interval_s, const std::optional<TimeNs>& corners_told_ns,
+                     TimeNs stamp_ns) {
+  return corners_told_ns && seconds_between(*corners_told_ns, stamp_ns) < corners_interval_s;
+}
+
 KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
   if (config.capacity < config.protected_newest + 2) {
     throw std::runtime_error(

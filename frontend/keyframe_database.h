@@ -54,6 +54,11 @@ struct Keyframe {
                                    const std::optional<KeyframePose>& last_asked,
                                    const KeyframePose& newest, double mean_depth);
 
+// May a question go without the place's corners? Not `corners_interval_s` after the last that
+// carried them.
+[[nodiscard]] bool may_ask_briefly(double corners_interval_s,
+                                   const std::optional<TimeNs>& corners_told_ns, TimeNs stamp_ns);
+
 // Its sigma is left 0: comparing views needs none.
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);
 

@@ -7,15 +7,9 @@
 
 namespace covey {
 
-std::optional<double> viewing_angle(const Eigen::Vector3d& landmark,
-                                    const Eigen::Isometry3d& T_seen_other,
-                                    const CameraIntrinsics& camera) {
+bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam) {
   constexpr double kMinDepth = 0.1;  // m
-  const Eigen::Vector3d q = T_seen_other.inverse() * landmark;
-  if (!(q.z() > kMinDepth)) return std::nullopt;
-  if (!is_in_image(camera, project(camera, q.hnormalized()))) return std::nullopt;
-  const Eigen::Vector3d from_other = landmark - T_seen_other.translation();
-  return std::atan2(landmark.cross(from_other).norm(), landmark.dot(from_other));
+  return p_cam.z() > kMinDepth && is_in_image(camera, project(camera, p_cam.hnormalized()));
 }
 
 std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,
@@ -23,9 +17,11 @@ std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks
                                    const CameraIntrinsics& camera) {
   std::vector<double> angles;
   angles.reserve(landmarks.size());
+  const Eigen::Isometry3d T_other_seen = T_seen_other.inverse();
   for (const Eigen::Vector3d& landmark : landmarks) {
-    const std::optional<double> angle = viewing_angle(landmark, T_seen_other, camera);
-    if (angle) angles.push_back(*angle);
+    if (!is_in_sight(camera, T_other_seen * landmark)) continue;
+    const Eigen::Vector3d from_other = landmark - T_seen_other.translation();
+    angles.push_back(std::atan2(landmark.cross(from_other).norm(), landmark.dot(from_other)));
   }
   return angles;
 }

@@ -9,20 +9,17 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
-#include <optional>
 #include <vector>
 
 #include "frontend/camera.h"
 
 namespace covey {
 
-// The angle, rad, between the directions from which two cameras see a landmark (m, in the frame of
-// the one that has seen it). Nothing if it is not in the other one's image.
-[[nodiscard]] std::optional<double> viewing_angle(const Eigen::Vector3d& landmark,
-                                                  const Eigen::Isometry3d& T_seen_other,
-                                                  const CameraIntrinsics& camera);
+// Is a point (m, in cam) before the camera and in its image?
+[[nodiscard]] bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam);
 
-// Of those landmarks that are in the other camera's image.
+// The angles, rad, between the directions from which two cameras see landmarks (m, in the frame of
+// the one that has seen them), of those that are in the other one's image.
 [[nodiscard]] std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,
                                                  const Eigen::Isometry3d& T_seen_other,
                                                  const CameraIntrinsics& camera);

@@ -614,7 +614,7 @@ TEST(Collaborator, ConfigurationThatCannotWorkIsRefusedByName) {
     return "no error";
   };
   EXPECT_NE(message_of([](auto& c) { c.agent.clear(); }).find("agent"), std::string::npos);
-  EXPECT_NE(message_of([](auto& c) { c.max_landmarks = 2; }).find("max_landmarks"),
+  EXPECT_NE(message_of([](auto& c) { c.limiter.max_landmarks = 2; }).find("max_landmarks"),
             std::string::npos);
   EXPECT_NE(message_of([](auto& c) { c.database.capacity = 3; }).find("capacity"),
             std::string::npos);
