@@ -8,7 +8,6 @@
 #include <unordered_map>
 #include <utility>
 
-#include "frontend/compact_place.h"
 #include "frontend/nearest_views.h"
 
 namespace covey {
@@ -50,6 +49,18 @@ CollaboratorConfig for_exchange(CollaboratorConfig config) {
   return config;
 }
 
+AnswerRules rules_of(const CollaboratorConfig& config) {
+  AnswerRules rules;
+  rules.place_mode = config.place_mode;
+  rules.least_score =
+      config.place_threshold > 0 ? config.place_threshold : default_threshold(config.place_mode);
+  rules.max_difference = config.answer_max_difference;
+  rules.min_landmarks = static_cast<std::size_t>(config.min_landmarks);
+  rules.max_relative_sigma = config.matching.max_relative_sigma;
+  rules.least_finds = config.matching.min_matches;
+  return rules;
+}
+
 bool is_finite(const FoundKeyframe& found) {
   return found.T_keyframe_cam.matrix().allFinite() && std::isfinite(found.log_depth_ratio) &&
          found.covariance.allFinite();
@@ -72,13 +83,6 @@ bool is_well_formed(const PeerKeyframe& message) {
       });
 }
 
-std::vector<BinaryDescriptor> descriptors_of(const std::vector<KeyframeFeature>& features) {
-  std::vector<BinaryDescriptor> descriptors;
-  descriptors.reserve(features.size());
-  for (const KeyframeFeature& feature : features) descriptors.push_back(feature.descriptor);
-  return descriptors;
-}
-
 std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& features) {
   std::vector<PeerLandmark> landmarks;
   landmarks.reserve(features.size());
@@ -88,41 +92,6 @@ std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& 
   }
   return landmarks;
 }
-
-// In the frame of the camera that has seen it.
-template <typename Landmark>
-Eigen::Vector3d position_of(const Landmark& landmark) {
-  return landmark.bearing.homogeneous() / landmark.inverse_depth;
-}
-
-template <typename Landmarks>
-std::vector<Eigen::Vector3d> positions_of(const Landmarks& landmarks) {
-  std::vector<Eigen::Vector3d> positions;
-  positions.reserve(landmarks.size());
-  for (const auto& landmark : landmarks) positions.push_back(position_of(landmark));
-  return positions;
-}
-
-constexpr std::size_t kCandidates = 5;  // for an answer, of which the best is taken
-
-constexpr double kSigmas = 3;  // of where a question was asked from, that drift may have made
-
-// Between a keyframe's view and the one that was asked from, at least: drift may have made the
-// rest.
-double sure_difference(const Keyframe& keyframe, const CameraView& asked_from) {
-  return view_difference(view_of(keyframe), asked_from) - kSigmas * asked_from.sigma;
-}
-
-// The same landmarks tell a relative pose the better the nearer the views are, until a difference
-// of about kLeastDifference.
-double answer_worth(double score, const Keyframe& keyframe,
-                    const std::optional<CameraView>& asked_from) {
-  constexpr double kLeastDifference = 0.3;
-  if (!asked_from) return score;
-  return score / (kLeastDifference + view_difference(view_of(keyframe), *asked_from));
-}
-
-bool is_brief(const PlaceAdvert& advert) { return advert.descriptor.empty(); }
 
 // What is still tracked has been used all along: it says nothing new of the drift since then.
 std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& landmarks,
@@ -163,8 +132,7 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
     : config_(for_exchange(config)),
       vocabulary_(vocabulary),
       vocabulary_hash_(vocabulary_hash(vocabulary, config_.place_mode)),
-      place_threshold_(config_.place_threshold > 0 ? config_.place_threshold
-                                                   : default_threshold(config_.place_mode)),
+      answer_rules_(rules_of(config_)),
       camera_(camera),
       patch_spacing_(config.matching.patch.spacing_px / mean_focal_length_px(camera)),
       database_(config.database),
@@ -241,7 +209,8 @@ const Keyframe* Collaborator::find_image(std::uint64_t keyframe_id) const {
 std::optional<PeerKeyframe> Collaborator::announcement() const {
   const Keyframe* newest = newest_image();
   if (!newest) return std::nullopt;
-  const std::vector<KeyframeFeature> landmarks = landmarks_of(*newest);
+  const std::vector<KeyframeFeature> landmarks =
+      landmarks_of(*newest, config_.matching.max_relative_sigma);
   if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) return std::nullopt;
   return told(*newest, landmarks);
 }
@@ -314,12 +283,13 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   for (const auto& [peer, peer_view] : remembered_) {
     nearest.consider(peer.sender, view_difference(peer_view, view), {nullptr, &peer});
   }
+  const auto left_behind = [&](const Keyframe& old) {
+    const auto landmarks = landmarks_of(old, config_.matching.max_relative_sigma);
+    return told(old, lost_since(landmarks, *newest));
+  };
   for (const Candidate& candidate : nearest.take()) {
     std::optional<KeyframeMatch> match =
-        candidate.peer
-            ? recognise(*newest, *candidate.peer)
-            : recognise(*newest,
-                        told(*candidate.own, lost_since(landmarks_of(*candidate.own), *newest)));
+        recognise(*newest, candidate.peer ? *candidate.peer : left_behind(*candidate.own));
     if (match) matches.push_back(std::move(*match));
   }
   return matches;
@@ -374,14 +344,31 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++*counter;
     return std::nullopt;
   }
-  std::optional<PeerKeyframe> answer = best_answer(advert, asked_from);
-  if (!answer) {
+  const int most = limiter_.max_landmarks(advert.sender, now_ns_);
+  const std::optional<ChosenAnswer> chosen =
+      choose_answer(answer_rules_, not_just_sent_to(advert.sender),
+                    {&advert, asked_from, static_cast<std::size_t>(most)}, tolerance_, camera_);
+  if (!chosen) {
     ++report_.advert_unknown_place;
     return std::nullopt;
   }
-  limiter_.sent(advert.sender, answer->pose.keyframe_id, now_ns_);
+  limiter_.sent(advert.sender, chosen->keyframe->pose.keyframe_id, now_ns_);
   ++report_.answered;
+  PeerKeyframe answer = told(*chosen->keyframe, chosen->landmarks);
+  answer.described = !is_brief(advert);
+  answer.receiver = advert.sender;
+  answer.request_keyframe_id = advert.keyframe_id;
   return answer;
+}
+
+std::vector<const Keyframe*> Collaborator::not_just_sent_to(const std::string& peer) const {
+  std::vector<const Keyframe*> keyframes;
+  for (const Keyframe& keyframe : database_.keyframes()) {
+    if (!limiter_.has_just_sent(peer, keyframe.pose.keyframe_id, now_ns_)) {
+      keyframes.push_back(&keyframe);
+    }
+  }
+  return keyframes;
 }
 
 void Collaborator::note_stranger(const std::string& sender) {
@@ -406,64 +393,11 @@ int* Collaborator::refusal(const PlaceAdvert& advert, const std::optional<Camera
   if (advert.sender.empty()) return &report_.advert_malformed;
   if (advert.vocabulary_hash != vocabulary_hash_) return &report_.advert_other_vocabulary;
   if (is_brief(advert)) {
-    if (!asked_from || !is_sure(*asked_from)) return &report_.advert_unknown_asker;
+    if (!asked_from || !is_sure(*asked_from, tolerance_)) return &report_.advert_unknown_asker;
   } else if (!is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
     return &report_.advert_malformed;
   }
   return limiter_.allows(advert.sender, now_ns_) ? nullptr : &report_.advert_too_soon;
-}
-
-std::optional<PeerKeyframe> Collaborator::best_answer(
-    const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
-  const Keyframe* best = nullptr;
-  std::vector<KeyframeFeature> best_landmarks;
-  double best_worth = 0;
-  const auto most = static_cast<std::size_t>(limiter_.max_landmarks(advert.sender, now_ns_));
-  for (const RankedKeyframe& candidate : is_brief(advert)
-                                             ? nearest_keyframes(advert.sender, *asked_from)
-                                             : similar_keyframes(advert, asked_from)) {
-    std::vector<KeyframeFeature> landmarks = landmarks_of(*candidate.keyframe);
-    if (landmarks.size() < static_cast<std::size_t>(config_.min_landmarks)) continue;
-    if (asked_from && !would_be_found(landmarks, most, *candidate.keyframe, *asked_from)) continue;
-    const double score = landmark_score(advert, candidate, landmarks);
-    if (score < place_threshold_) continue;
-    const double worth = answer_worth(score, *candidate.keyframe, asked_from);
-    if (worth < best_worth) continue;
-    best_worth = worth;
-    best = candidate.keyframe;
-    best_landmarks = std::move(landmarks);
-  }
-  if (best == nullptr) return std::nullopt;
-  std::vector<KeyframeFeature> landmarks =
-      is_brief(advert)
-          ? in_sight(best_landmarks, best->pose.T_world_cam.inverse() * asked_from->T_world_cam)
-          : most_useful(best_landmarks, advert);
-  landmarks.resize(std::min(landmarks.size(), most));
-  PeerKeyframe answer = told(*best, landmarks);
-  answer.described = !is_brief(advert);
-  answer.receiver = advert.sender;
-  answer.request_keyframe_id = advert.keyframe_id;
-  return answer;
-}
-
-// Chance finds grow with what is looked for, and half of all finds must agree: hence a share.
-bool Collaborator::would_be_found(const std::vector<KeyframeFeature>& landmarks, std::size_t sent,
-                                  const Keyframe& keyframe, const CameraView& asked_from) const {
-  constexpr double kMinShare = 0.25;
-  if (!is_sure(asked_from)) return true;  // nobody knows
-  const std::vector<double> angles =
-      viewing_angles(positions_of(landmarks),
-                     keyframe.pose.T_world_cam.inverse() * asked_from.T_world_cam, camera_);
-  const double finds = tolerance_.expected_finds(angles);
-  const double sent_share =
-      std::min(1.0, static_cast<double>(sent) / static_cast<double>(landmarks.size()));
-  return sent_share * finds >= config_.matching.min_matches &&
-         finds >= kMinShare * static_cast<double>(angles.size());
-}
-
-// Can it be told from there what will look alike?
-bool Collaborator::is_sure(const CameraView& view) const {
-  return kSigmas * view.sigma <= tolerance_.tolerance();
 }
 
 // From where it is sure what is looked at.
@@ -493,95 +427,6 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
   view.T_world_cam = *world * view.T_world_cam;
   view.sigma += view_sigma(*newest);
   return view;
-}
-
-// Not twice within a short time, and nothing that is seen from too far apart.
-bool Collaborator::may_answer_with(const Keyframe& keyframe, const std::string& asker,
-                                   const std::optional<CameraView>& asked_from) const {
-  return !limiter_.has_just_sent(asker, keyframe.pose.keyframe_id, now_ns_) &&
-         (!asked_from || sure_difference(keyframe, *asked_from) <= config_.answer_max_difference);
-}
-
-std::vector<Collaborator::RankedKeyframe> Collaborator::similar_keyframes(
-    const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const {
-  std::vector<RankedKeyframe> similar;
-  for (const Keyframe& keyframe : database_.keyframes()) {
-    if (!may_answer_with(keyframe, advert.sender, asked_from)) continue;
-    const double score = place_score(config_.place_mode, advert.descriptor, keyframe.place);
-    if (score >= place_threshold_) similar.push_back({&keyframe, score});
-  }
-  std::stable_sort(
-      similar.begin(), similar.end(),
-      [](const RankedKeyframe& a, const RankedKeyframe& b) { return a.score > b.score; });
-  if (similar.size() > kCandidates) similar.resize(kCandidates);
-  return similar;
-}
-
-std::vector<Collaborator::RankedKeyframe> Collaborator::nearest_keyframes(
-    const std::string& asker, const CameraView& asked_from) const {
-  std::vector<RankedKeyframe> near;
-  for (const Keyframe& keyframe : database_.keyframes()) {
-    if (may_answer_with(keyframe, asker, asked_from)) near.push_back({&keyframe, 1});
-  }
-  const auto nearer = [&](const RankedKeyframe& a, const RankedKeyframe& b) {
-    return view_difference(view_of(*a.keyframe), asked_from) <
-           view_difference(view_of(*b.keyframe), asked_from);
-  };
-  const std::size_t count = std::min(near.size(), kCandidates);
-  std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end(),
-                    nearer);
-  near.resize(count);
-  return near;
-}
-
-// Corners without an estimate are of no use to the peer: where corners are compared one by one,
-// only those that would be sent count.
-double Collaborator::landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
-                                    const std::vector<KeyframeFeature>& landmarks) const {
-  if (config_.place_mode != PlaceMode::kCompact || is_brief(advert)) return candidate.score;
-  return common_share(advert.descriptor, describe_compact(descriptors_of(landmarks)));
-}
-
-// Those first that the advert's corners are most like: the peer will find them.
-std::vector<KeyframeFeature> Collaborator::most_useful(
-    const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const {
-  if (config_.place_mode != PlaceMode::kCompact) return landmarks;
-  std::vector<std::pair<double, std::size_t>> order;  // less is better
-  for (std::size_t i = 0; i < landmarks.size(); ++i) order.emplace_back(0.0, i);
-  const auto corners = describe_compact(descriptors_of(landmarks));
-  for (const IndexPair& match : common_corners(corners, advert.descriptor)) {
-    order[match.own].first = -corner_weight(match);
-  }
-  std::sort(order.begin(), order.end());
-  std::vector<KeyframeFeature> useful;
-  useful.reserve(order.size());
-  for (const auto& [key, index] : order) useful.push_back(landmarks[index]);
-  return useful;
-}
-
-std::vector<KeyframeFeature> Collaborator::in_sight(
-    const std::vector<KeyframeFeature>& landmarks,
-    const Eigen::Isometry3d& T_keyframe_asker) const {
-  std::vector<KeyframeFeature> seen;
-  const Eigen::Isometry3d T_asker_keyframe = T_keyframe_asker.inverse();
-  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(seen),
-               [&](const KeyframeFeature& landmark) {
-                 return is_in_sight(camera_, T_asker_keyframe * position_of(landmark));
-               });
-  std::stable_sort(seen.begin(), seen.end(),
-                   [](const auto& a, const auto& b) { return a.inverse_depth > b.inverse_depth; });
-  return seen;
-}
-
-std::vector<KeyframeFeature> Collaborator::landmarks_of(const Keyframe& keyframe) const {
-  std::vector<KeyframeFeature> landmarks;
-  for (const KeyframeFeature& feature : keyframe.features) {
-    if (is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
-                   config_.matching.max_relative_sigma)) {
-      landmarks.push_back(feature);
-    }
-  }
-  return landmarks;
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& message) {

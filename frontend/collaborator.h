@@ -25,11 +25,11 @@
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <variant>
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/answer_choice.h"
 #include "frontend/answer_limiter.h"
 #include "frontend/camera.h"
 #include "frontend/image_pyramid.h"
@@ -169,11 +169,6 @@ class Collaborator {
   [[nodiscard]] const ViewpointTolerance& tolerance() const { return tolerance_; }
 
  private:
-  struct RankedKeyframe {
-    const Keyframe* keyframe = nullptr;
-    double score = 0;
-  };
-
   [[nodiscard]] Keyframe make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
                                        const Eigen::Isometry3d& T_world_cam,
                                        const Matrix6d& covariance,
@@ -186,24 +181,7 @@ class Collaborator {
   // The counter of why an advert gets no answer, or null. `asked_from`: view_of_asker().
   [[nodiscard]] int* refusal(const PlaceAdvert& advert,
                              const std::optional<CameraView>& asked_from);
-  [[nodiscard]] std::optional<PeerKeyframe> best_answer(
-      const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
-  [[nodiscard]] bool may_answer_with(const Keyframe& keyframe, const std::string& asker,
-                                     const std::optional<CameraView>& asked_from) const;
-  [[nodiscard]] std::vector<RankedKeyframe> similar_keyframes(
-      const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) const;
-  [[nodiscard]] std::vector<RankedKeyframe> nearest_keyframes(const std::string& asker,
-                                                              const CameraView& asked_from) const;
-  [[nodiscard]] double landmark_score(const PlaceAdvert& advert, const RankedKeyframe& candidate,
-                                      const std::vector<KeyframeFeature>& landmarks) const;
-  [[nodiscard]] std::vector<KeyframeFeature> most_useful(
-      const std::vector<KeyframeFeature>& landmarks, const PlaceAdvert& advert) const;
-  // Those in the asker's image: first the nearest, which tell most of the way.
-  [[nodiscard]] std::vector<KeyframeFeature> in_sight(
-      const std::vector<KeyframeFeature>& landmarks,
-      const Eigen::Isometry3d& T_keyframe_asker) const;
-  // Those whose depth is known.
-  [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe) const;
+  [[nodiscard]] std::vector<const Keyframe*> not_just_sent_to(const std::string& peer) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
       const PeerKeyframe& message) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> compare(const Keyframe& own,
@@ -217,16 +195,12 @@ class Collaborator {
                                                        const PeerKeyframe& old);
   void forget(const std::string& peer);  // what is remembered of it
   void remember(const PeerKeyframe& message, const KeyframeMatch& match);
-  // Whether enough of a keyframe's landmarks would be found by who asks.
-  [[nodiscard]] bool would_be_found(const std::vector<KeyframeFeature>& landmarks, std::size_t sent,
-                                    const Keyframe& keyframe, const CameraView& asked_from) const;
-  [[nodiscard]] bool is_sure(const CameraView& view) const;
   void learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match);
 
   CollaboratorConfig config_;
   Vocabulary vocabulary_;
   std::uint64_t vocabulary_hash_;
-  double place_threshold_;
+  AnswerRules answer_rules_;
   CameraIntrinsics camera_;
   double patch_spacing_;  // between samples of a patch, normalised plane
   TimeNs now_ns_ = 0;     // stamp of the newest own image

@@ -49,6 +49,13 @@ std::optional<double> mean_depth(const std::vector<TrackDepth>& depths, double m
   return sum / count;
 }
 
+std::vector<BinaryDescriptor> descriptors_of(const std::vector<KeyframeFeature>& features) {
+  std::vector<BinaryDescriptor> descriptors;
+  descriptors.reserve(features.size());
+  for (const KeyframeFeature& feature : features) descriptors.push_back(feature.descriptor);
+  return descriptors;
+}
+
 bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stamp_ns,
                  const Eigen::Isometry3d& T_world_cam, double mean_depth) {
   if (seconds_between(last.stamp_ns, stamp_ns) < rule.min_interval_s) return false;

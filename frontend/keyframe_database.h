@@ -39,6 +39,9 @@ struct KeyframeFeature {
   LandmarkPatch patch{};
 };
 
+[[nodiscard]] std::vector<BinaryDescriptor> descriptors_of(
+    const std::vector<KeyframeFeature>& features);
+
 struct Keyframe {
   KeyframePose pose, before;              // as in PeerKeyframe
   double mean_depth = 1;                  // m, of what it sees

@@ -100,6 +100,16 @@ bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_rel
          inverse_depth_sigma <= max_relative_sigma * inverse_depth;
 }
 
+std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe, double max_relative_sigma) {
+  std::vector<KeyframeFeature> landmarks;
+  std::copy_if(keyframe.features.begin(), keyframe.features.end(), std::back_inserter(landmarks),
+               [&](const KeyframeFeature& feature) {
+                 return is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
+                                   max_relative_sigma);
+               });
+  return landmarks;
+}
+
 ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
   ShortDescriptor first{};
   std::copy_n(descriptor.begin(), first.size(), first.begin());

@@ -66,6 +66,10 @@ struct NoMatch {
 [[nodiscard]] bool is_certain(double inverse_depth, double inverse_depth_sigma,
                               double max_relative_sigma);
 
+// Those features whose depth is certain.
+[[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe,
+                                                        double max_relative_sigma);
+
 // What the own drone knows of a landmark's depth, if it is certain.
 template <typename Feature>
 void add_own_depth(const Feature& own, double max_relative_sigma, LandmarkMatch& match) {

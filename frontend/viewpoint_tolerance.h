@@ -15,6 +15,20 @@
 
 namespace covey {
 
+// m, in the frame of the camera that has seen it.
+template <typename Landmark>
+[[nodiscard]] Eigen::Vector3d position_of(const Landmark& landmark) {
+  return landmark.bearing.homogeneous() / landmark.inverse_depth;
+}
+
+template <typename Landmarks>
+[[nodiscard]] std::vector<Eigen::Vector3d> positions_of(const Landmarks& landmarks) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(landmarks.size());
+  for (const auto& landmark : landmarks) positions.push_back(position_of(landmark));
+  return positions;
+}
+
 // Is a point (m, in cam) before the camera and in its image?
 [[nodiscard]] bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam);
 
