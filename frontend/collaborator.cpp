@@ -288,8 +288,9 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
     return told(old, lost_since(landmarks, *newest));
   };
   for (const Candidate& candidate : nearest.take()) {
-    std::optional<KeyframeMatch> match =
-        recognise(*newest, candidate.peer ? *candidate.peer : left_behind(*candidate.own));
+    std::optional<KeyframeMatch> match = candidate.peer
+                                             ? recognise(*newest, *candidate.peer)
+                                             : recognise(*newest, left_behind(*candidate.own));
     if (match) matches.push_back(std::move(*match));
   }
   return matches;
