@@ -149,7 +149,7 @@ class Collaborator {
   // more, and answer() forgets it.
   [[nodiscard]] bool has_started_anew(const PlaceAdvert& advert) const;
 
-  // The stored keyframe that looks most like the peer's place.
+  // The stored keyframe that tells the asker most: choose_answer().
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
 
   // The own keyframe that a peer tells to have found, if it was answered with that lately; else

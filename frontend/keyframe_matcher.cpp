@@ -8,11 +8,13 @@
 namespace covey {
 namespace {
 
-std::vector<PeerLandmark> usable_landmarks(const std::vector<PeerLandmark>& landmarks,
-                                           double max_relative_sigma) {
-  std::vector<PeerLandmark> usable;
+// Those whose depth is certain.
+template <typename Landmark>
+std::vector<Landmark> usable_landmarks(const std::vector<Landmark>& landmarks,
+                                       double max_relative_sigma) {
+  std::vector<Landmark> usable;
   std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(usable),
-               [&](const PeerLandmark& landmark) {
+               [&](const Landmark& landmark) {
                  return is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
                                    max_relative_sigma);
                });
@@ -101,13 +103,7 @@ bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_rel
 }
 
 std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe, double max_relative_sigma) {
-  std::vector<KeyframeFeature> landmarks;
-  std::copy_if(keyframe.features.begin(), keyframe.features.end(), std::back_inserter(landmarks),
-               [&](const KeyframeFeature& feature) {
-                 return is_certain(feature.inverse_depth, feature.inverse_depth_sigma,
-                                   max_relative_sigma);
-               });
-  return landmarks;
+  return usable_landmarks(keyframe.features, max_relative_sigma);
 }
 
 ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
