@@ -121,22 +121,51 @@ float bilinear(const cv::Mat& image, float x, float y) {
   return top + fy * (bottom - top);
 }
 
-constexpr std::size_t kMaxInstants = 16;
-using Instants = std::array<std::array<float, kMaxInstants>, kMaxInstants>;
+// When a pixel looks, from the stamp on, in units of the response's duration, and how much of the
+// whole that is.
+struct Look {
+  float instant = 0, weight = 0;
+};
+using Looks = std::vector<Look>;
 
-// Row n - 1: n instants of equal weight, in units of the response's duration, with mean zero.
-Instants response_instants(TemporalResponse::Shape shape) {
-  Instants table{};
-  for (std::size_t n = 1; n <= kMaxInstants; ++n) {
-    auto& row = table[n - 1];
-    float mean = 0;
-    for (std::size_t k = 0; k < n; ++k) {
-      const float share = (static_cast<float>(k) + 0.5f) / static_cast<float>(n);
-      row[k] = shape == TemporalResponse::Shape::kShutter ? share : std::log(share);
-      mean += row[k] / static_cast<float>(n);
-    }
-    for (std::size_t k = 0; k < n; ++k) row[k] -= mean;
+Looks looks_of_shutter(std::size_t count) {
+  Looks looks(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const float share = (static_cast<float>(k) + 0.5f) / static_cast<float>(count);
+    looks[k] = {share - 0.5f, 1 / static_cast<float>(count)};
   }
+  return looks;
+}
+
+// What was seen s ago counts exp(-s). Between looks, denser where that is large, what is seen is
+// taken to change linearly: so mean, spread and skew are those of the exponential.
+Looks looks_of_lag(std::size_t count) {
+  constexpr float kReach = 6;
+  std::vector<float> ago(count), weight(count);
+  for (std::size_t k = 0; k < count; ++k)
+    ago[k] = kReach * std::pow(static_cast<float>(k) / static_cast<float>(count - 1), 1.5f);
+  for (std::size_t k = 0; k + 1 < count; ++k) {
+    const float width = ago[k + 1] - ago[k];
+    const float near = std::exp(-ago[k]), far = std::exp(-ago[k + 1]);
+    const float of_older = (near - far * (1 + width)) / width;
+    weight[k] += near - far - of_older;
+    weight[k + 1] += of_older;
+  }
+  weight.back() += std::exp(-kReach);
+  float mean_ago = 0;
+  for (std::size_t k = 0; k < count; ++k) mean_ago += weight[k] * ago[k];
+  Looks looks(count);
+  for (std::size_t k = 0; k < count; ++k) looks[k] = {mean_ago - ago[k], weight[k]};
+  return looks;
+}
+
+// [n]: about one look for each pixel of a path of n px, or several where the response is uneven.
+constexpr std::size_t kLongestPath = 20;  // px; longer ones are looked at more coarsely
+std::vector<Looks> looks_by_path(TemporalResponse::Shape shape) {
+  std::vector<Looks> table(kLongestPath + 1);
+  for (std::size_t n = 0; n <= kLongestPath; ++n)
+    table[n] = shape == TemporalResponse::Shape::kShutter ? looks_of_shutter(2 + n)
+                                                          : looks_of_lag(9 + 6 * n);
   return table;
 }
 
@@ -250,8 +279,9 @@ Vector2f Renderer::image_motion(const Vector2f* b, float depth, const CameraMoti
 
 cv::Mat Renderer::blur_by_motion(const Rendering& sharp, const CameraMotion& motion,
                                  const TemporalResponse& response) const {
-  constexpr float kVisible = 0.35f;  // px; shorter paths blur less than the lens does
-  const auto instants = response_instants(response.shape);
+  const bool shutter = response.shape == TemporalResponse::Shape::kShutter;
+  const float visible = shutter ? 0.35f : 0.1f;  // px; shorter paths blur less than the lens does
+  const std::vector<Looks> table = looks_by_path(response.shape);
   const float duration = static_cast<float>(response.duration_s);
   cv::Mat blurred(sharp.radiance.size(), CV_32FC1);
   for (int y = 0; y < camera_.height; ++y)
@@ -260,17 +290,17 @@ cv::Mat Renderer::blur_by_motion(const Rendering& sharp, const CameraMotion& mot
           duration * image_motion(bearing(x, y), sharp.depth.at<float>(y, x), motion);
       const float length = path.norm();
       float& out = blurred.at<float>(y, x);
-      if (length < kVisible) {
+      if (length < visible) {
         out = sharp.radiance.at<float>(y, x);
         continue;
       }
-      const std::size_t taps = std::min<std::size_t>(kMaxInstants, 2 + static_cast<int>(length));
-      float sum = 0;
+      const auto row = std::min(kLongestPath, static_cast<std::size_t>(length));
+      out = 0;
       // At an instant before the stamp the pixel saw what has moved on along its path since.
-      for (std::size_t k = 0; k < taps; ++k)
-        sum += bilinear(sharp.radiance, static_cast<float>(x) - instants[taps - 1][k] * path.x(),
-                        static_cast<float>(y) - instants[taps - 1][k] * path.y());
-      out = sum / static_cast<float>(taps);
+      for (const Look& look : table[row])
+        out +=
+            look.weight * bilinear(sharp.radiance, static_cast<float>(x) - look.instant * path.x(),
+                                   static_cast<float>(y) - look.instant * path.y());
     }
   return blurred;
 }

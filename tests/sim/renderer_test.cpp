@@ -170,5 +170,27 @@ TEST(Renderer, ShutterBlurKeepsTheCentroidAndSpreadsTheEdge) {
   EXPECT_GT(std::abs(blurred.at<float>(row, 199) - inside), 0.1f * std::abs(inside - sky));
 }
 
+// Of a microbolometer: a step that passes is followed as 1 - exp(-t / tau).
+TEST(Renderer, LagFollowsAStepExponentially) {
+  const Renderer renderer(plain_camera());
+  Rendering sharp;
+  sharp.radiance = cv::Mat(240, 320, CV_32FC1, cv::Scalar(0));
+  sharp.radiance.colRange(160, 320).setTo(1);
+  sharp.depth = cv::Mat(240, 320, CV_32FC1, cv::Scalar(5));
+  // Moving right at 5 m/s, 5 m away: the step moves left with 200 px/s, in 20 ms 4 px, in 80 ms 16.
+  const CameraMotion motion{{5, 0, 0}, {0, 0, 0}};
+  for (const double tau : {0.002, 0.008, 0.02, 0.08}) {
+    const cv::Mat lagging =
+        renderer.blur_by_motion(sharp, motion, {TemporalResponse::Shape::kExponentialLag, tau});
+    const double path = 200 * tau;
+    for (int x = 140; x < 240; ++x) {
+      // The step's ramp of a pixel is centred on 159.5; the stamp is one tau after the readout.
+      const double passed = (x - 159.5 + path) / path;
+      const double expected = passed > 0 ? 1 - std::exp(-passed) : 0;
+      EXPECT_NEAR(lagging.at<float>(120, x), expected, path < 3 ? 0.2 : 0.06) << tau << " " << x;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace covey
