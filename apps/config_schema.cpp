@@ -50,6 +50,8 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
            "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
   v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
            "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
+  v.number("pixel_lag_s", thermal.pixel_lag_s, {0, 0.1},
+           "[s] time constant of the pixels: what moves is smeared; taken out of calibrated images");
   v.number("aligned_scale", thermal.aligned_scale, {0, 1000},
            "as tracker.aligned_scale, for thermal cameras");
 }

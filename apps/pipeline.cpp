@@ -94,6 +94,8 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,
                          cv::Size(sensors.camera.width, sensors.camera.height));
+    const double time_constant_s = config.thermal.pixel_lag_s;
+    if (time_constant_s > 0) pixel_lag_.emplace(sensors.camera, time_constant_s);
   }
   if (config.agent.mode == FlightMode::kCollaborative) {
     const std::string& vocabulary = config.agent.vocabulary;
@@ -157,10 +159,27 @@ cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
                            const Eigen::Matrix3d& R_cam_previous, ImageResult& result) {
   if (!calibration_) return to_grey8(pixels);
   const StageTimer timer(result.timing.thermal_ms);
-  result.calibrated =
-      calibration_->correct(stamp_ns, pixels, tracker_.predict(stamp_ns, R_cam_previous));
+  const std::vector<TrackPlace> expected = tracker_.predict(stamp_ns, R_cam_previous);
+  result.calibrated = calibration_->correct(stamp_ns, pixels, expected);
   result.content = result.calibrated->content;
+  if (pixel_lag_ && result.content == ImageContent::kScene) {
+    result.calibrated->pixels = without_lag(stamp_ns, result.calibrated->pixels, expected);
+  }
   return result.calibrated->pixels;
+}
+
+cv::Mat Pipeline::without_lag(TimeNs stamp_ns, const cv::Mat& grey,
+                              const std::vector<TrackPlace>& expected) {
+  const TimeNs moment_ns = imu_moment(stamp_ns);
+  const TimeNs from_ns = moment_ns - nanoseconds(config_.thermal.pixel_lag_s);
+  const Eigen::Vector3d gyro_bias =
+      started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  const Eigen::Vector3d turned_imu =
+      log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias));
+  pixel_lag_->set_motion(
+      estimator_.extrinsics().q_imu_cam.inverse() * turned_imu / config_.thermal.pixel_lag_s,
+      expected);
+  return pixel_lag_->taken_out(grey);
 }
 
 TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,

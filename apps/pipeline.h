@@ -19,6 +19,7 @@
 #include "frontend/camera.h"
 #include "frontend/collaborator.h"
 #include "frontend/photometric_calibration.h"
+#include "frontend/pixel_lag.h"
 #include "frontend/tracker.h"
 
 namespace covey {
@@ -107,6 +108,8 @@ class Pipeline {
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
+  [[nodiscard]] cv::Mat without_lag(TimeNs stamp_ns, const cv::Mat& grey,
+                                    const std::vector<TrackPlace>& expected);
   // `alone`: what the odometry says that peers hear.
   [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& alone,
                                                     TimingRecord& timing);
@@ -119,6 +122,7 @@ class Pipeline {
   AgentConfig config_;
   Initialisation initialisation_;
   std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
+  std::optional<PixelLag> pixel_lag_;                  // likewise
   Tracker tracker_;
   Estimator estimator_;
   std::optional<Collaborator> collaborator_;

@@ -334,7 +334,9 @@ const ImagePyramid& Tracker::image() const { return impl_->current; }
 std::vector<TrackPlace> Tracker::places() const {
   std::vector<TrackPlace> places;
   places.reserve(impl_->tracks.size());
-  for (const Track& track : impl_->tracks) places.push_back({track.patch_id, track.place});
+  for (const Track& track : impl_->tracks) {
+    places.push_back({track.patch_id, track.place, track.velocity});
+  }
   return places;
 }
 
@@ -347,7 +349,7 @@ std::vector<TrackPlace> Tracker::predict(TimeNs stamp_ns,
     const auto turned = turn(impl_->camera, track.bearing, R_cam_previous);
     if (!turned) continue;
     const PatchPlace place{turned->pixel + dt * track.velocity, turned->J * track.place.affine};
-    places.push_back({track.patch_id, place});
+    places.push_back({track.patch_id, place, track.velocity});
   }
   return places;
 }

@@ -65,6 +65,7 @@ struct TrackedFeature {
 struct TrackPlace {
   std::uint64_t patch_id = 0;
   PatchPlace place;
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // px/s, what rotation does not explain
 };
 
 struct TrackedFrame {

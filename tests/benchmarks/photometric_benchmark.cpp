@@ -9,6 +9,7 @@
 #include <random>
 
 #include "frontend/photometric_calibration.h"
+#include "frontend/pixel_lag.h"
 
 namespace covey {
 namespace {
@@ -58,6 +59,27 @@ void EightBitImage(benchmark::State& state) { whole_image(state, CV_8UC1); }
 void SixteenBitImage(benchmark::State& state) { whole_image(state, CV_16UC1); }
 BENCHMARK(EightBitImage)->Unit(benchmark::kMillisecond);
 BENCHMARK(SixteenBitImage)->Unit(benchmark::kMillisecond);
+
+void LagMotion(benchmark::State& state) {
+  const CameraIntrinsics camera{
+      640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {0, 0, 0, 0}};
+  PixelLag lag(camera, 0.008);
+  std::vector<TrackPlace> places = tracks(0);
+  for (TrackPlace& track : places) track.velocity = 0.3 * track.place.pixel;
+  for (auto _ : state) lag.set_motion({0.1, 0.2, 0.3}, places);
+}
+void LagTakenOut(benchmark::State& state) {
+  const CameraIntrinsics camera{
+      640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {0, 0, 0, 0}};
+  PixelLag lag(camera, 0.008);
+  std::vector<TrackPlace> places = tracks(0);
+  for (TrackPlace& track : places) track.velocity = 0.3 * track.place.pixel;
+  lag.set_motion({0.1, 0.2, 0.3}, places);
+  const cv::Mat grey = scene(CV_8UC1, 0);
+  for (auto _ : state) benchmark::DoNotOptimize(lag.taken_out(grey).data);
+}
+BENCHMARK(LagMotion)->Unit(benchmark::kMillisecond);
+BENCHMARK(LagTakenOut)->Unit(benchmark::kMillisecond);
 
 void GainFit(benchmark::State& state) {
   std::mt19937 random(1);

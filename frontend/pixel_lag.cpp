@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/pixel_lag.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace covey {
+namespace {
+
+constexpr int kCell = 32;        // px between nodes
+constexpr double kLongest = 14;  // px, of a path; what moves faster is taken for that
+constexpr int kMargin = 16;      // px around the sharpened image, for what comes from outside
+constexpr float kParts = 8;      // of a grey level
+
+// Flow of a resting point that the camera turns away from, per rad/s.
+Eigen::Matrix<double, 2, 3> flow_of_turning(const CameraIntrinsics& camera,
+                                            const Eigen::Vector2d& bearing) {
+  Eigen::Matrix2d J;
+  [[maybe_unused]] const Eigen::Vector2d pixel = project(camera, bearing, &J);
+  const double x = bearing.x(), y = bearing.y();
+  Eigen::Matrix<double, 2, 3> bearing_rate;  // of -rate x (x, y, 1), divided by depth
+  bearing_rate << x * y, -1 - x * x, y, 1 + y * y, -x * y, -x;
+  return J * bearing_rate;
+}
+
+// Between tracks, what rotation does not explain: the nearest tell most.
+Eigen::Vector2d mean_velocity(const Eigen::Vector2d& pixel, const std::vector<TrackPlace>& tracks) {
+  constexpr double kNear2 = 16 * 16;  // px2: nearer counts no more
+  double total = 0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const TrackPlace& track : tracks) {
+    const double near = 1 / ((track.place.pixel - pixel).squaredNorm() + kNear2);
+    sum += near * near * track.velocity;
+    total += near * near;
+  }
+  return total > 0 ? Eigen::Vector2d(sum / total) : sum;
+}
+
+// How many pixels on, `part` of a pixel that grows by `slope` for each stays within 0..1.
+int pixels_within_one(float part, float slope) {
+  constexpr float kMany = 1e6F;
+  if (slope > 0) return 1 + static_cast<int>(std::min(kMany, (1 - part) / slope));
+  if (slope < 0) return 1 + static_cast<int>(std::min(kMany, part / -slope));
+  return static_cast<int>(kMany);
+}
+
+// Bilinear, between two rows of levels; `part` of a pixel on, growing by `slope` for each pixel.
+void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vector2f& part,
+           const Eigen::Vector2f& slope, int count, std::uint8_t* out) {
+  const float part_x = part.x(), part_y = part.y(), slope_x = slope.x(), slope_y = slope.y();
+  for (int i = 0; i < count; ++i) {
+    const auto along = static_cast<float>(i);
+    const float fx = part_x + along * slope_x, fy = part_y + along * slope_y;
+    const float left = static_cast<float>(top[i]), right = static_cast<float>(top[i + 1]);
+    const float low_left = static_cast<float>(bottom[i]);
+    const float low_right = static_cast<float>(bottom[i + 1]);
+    const float above = left + fx * (right - left);
+    const float below = low_left + fx * (low_right - low_left);
+    const float level = (above + fy * (below - above)) / kParts + 0.5F;
+    out[i] = static_cast<std::uint8_t>(std::min(std::max(level, 0.0F), 255.0F));
+  }
+}
+
+}  // namespace
+
+PixelLag::PixelLag(const CameraIntrinsics& camera, double time_constant_s)
+    : time_constant_s_(time_constant_s),
+      columns_((camera.width + kCell - 1) / kCell + 1),
+      rows_((camera.height + kCell - 1) / kCell + 1),
+      paths_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
+             Eigen::Vector2f::Zero()),
+      readout_(camera.height + 2 * kMargin, camera.width + 2 * kMargin, CV_16SC1, cv::Scalar(0)) {
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      Node node;
+      node.pixel = kCell * Eigen::Vector2d(column, row);
+      if (const auto bearing = unproject(camera, node.pixel)) {
+        node.flow_rate = flow_of_turning(camera, *bearing);
+      }
+      nodes_.push_back(node);
+    }
+  }
+}
+
+void PixelLag::set_motion(const Eigen::Vector3d& rate_cam, const std::vector<TrackPlace>& tracks) {
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    const Eigen::Vector2d flow =
+        nodes_[i].flow_rate * rate_cam + mean_velocity(nodes_[i].pixel, tracks);
+    const Eigen::Vector2d path = time_constant_s_ * flow;
+    paths_[i] = (path * std::min(1.0, kLongest / std::max(path.norm(), 1e-9))).cast<float>();
+  }
+}
+
+Eigen::Vector2d PixelLag::path(const Eigen::Vector2d& pixel) const {
+  const Eigen::Array2d last(columns_ - 1, rows_ - 1);
+  const Eigen::Array2d place = (pixel.array() / kCell).max(0.0).min(last - 1e-6);
+  const Eigen::Array2d whole = place.floor(), part = place - whole;
+  const Eigen::Vector2f* top =
+      paths_.data() + static_cast<int>(whole.y()) * columns_ + static_cast<int>(whole.x());
+  const Eigen::Vector2f* bottom = top + columns_;
+  const auto fx = static_cast<float>(part.x()), fy = static_cast<float>(part.y());
+  const Eigen::Vector2f above = top[0] + fx * (top[1] - top[0]);
+  const Eigen::Vector2f below = bottom[0] + fx * (bottom[1] - bottom[0]);
+  return (above + fy * (below - above)).cast<double>();
+}
+
+// Part of a row between two columns of nodes: the path changes linearly along it.
+struct PixelLag::Stretch {
+  int begin = 0, end = 0;  // columns of the image
+  Eigen::Vector2f path;    // at `begin`, px
+  Eigen::Vector2f slope;   // px/px
+};
+
+template <typename Use>
+void PixelLag::for_each_stretch(int y, Use use) const {
+  const Eigen::Vector2f* above = paths_.data() + static_cast<std::ptrdiff_t>(y / kCell) * columns_;
+  const auto at = [&](int column) {
+    const Eigen::Vector2f *top = above + column, *bottom = top + columns_;
+    return Eigen::Vector2f(*top + static_cast<float>(y % kCell) / kCell * (*bottom - *top));
+  };
+  const int width = readout_.cols - 2 * kMargin;
+  Eigen::Vector2f path = at(0);
+  for (int column = 0; column * kCell < width; ++column) {
+    const Eigen::Vector2f next = at(column + 1);
+    const int begin = column * kCell;
+    use(Stretch{begin, std::min(begin + kCell, width), path, (next - path) / kCell});
+    path = next;
+  }
+}
+
+// Into `readout_`. Derivatives are right to the fourth order: those from next neighbours alone
+// would leave a tenth of the lag in waves of 6 px.
+void PixelLag::sharpen(const cv::Mat& grey) {
+  constexpr int kReach = 2;  // px
+  const auto down = static_cast<std::ptrdiff_t>(grey.step);
+  for (int y = 0; y < grey.rows; ++y) {
+    const std::uint8_t* in = grey.ptr<std::uint8_t>(y);
+    auto* out = readout_.ptr<std::int16_t>(y + kMargin) + kMargin;
+    for (int x = 0; x < grey.cols; ++x) out[x] = static_cast<std::int16_t>(kParts * in[x]);
+    if (y < kReach || y >= grey.rows - kReach) continue;
+    for_each_stretch(y, [&](const Stretch& stretch) {
+      const int first = std::max(stretch.begin, kReach);
+      const int end = std::min(stretch.end, grey.cols - kReach);
+      constexpr float kScale = kParts / 12;
+      const Eigen::Vector2f path = kScale * stretch.path, slope = kScale * stretch.slope;
+      for (int x = first; x < end; ++x) {
+        const auto along = static_cast<float>(x - stretch.begin);
+        const auto across_x =
+            static_cast<std::int16_t>(8 * (in[x + 1] - in[x - 1]) - (in[x + 2] - in[x - 2]));
+        const auto across_y = static_cast<std::int16_t>(8 * (in[x + down] - in[x - down]) -
+                                                        (in[x + 2 * down] - in[x - 2 * down]));
+        const float level = kParts * static_cast<float>(in[x]) -
+                            (path.x() + along * slope.x()) * static_cast<float>(across_x) -
+                            (path.y() + along * slope.y()) * static_cast<float>(across_y);
+        out[x] = static_cast<std::int16_t>(std::min(std::max(level, -32000.0f), 32000.0f));
+      }
+    });
+  }
+}
+
+void PixelLag::extend_edges() {
+  const int right = readout_.cols - kMargin, bottom = readout_.rows - kMargin;
+  for (int y = kMargin; y < bottom; ++y) {
+    auto* row = readout_.ptr<std::int16_t>(y);
+    std::fill(row, row + kMargin, row[kMargin]);
+    std::fill(row + right, row + readout_.cols, row[right - 1]);
+  }
+  for (int i = 0; i < kMargin; ++i) {
+    readout_.row(kMargin).copyTo(readout_.row(i));
+    readout_.row(bottom - 1).copyTo(readout_.row(bottom + i));
+  }
+}
+
+cv::Mat PixelLag::taken_out(const cv::Mat& grey) {
+  sharpen(grey);
+  extend_edges();
+  cv::Mat still(grey.size(), CV_8UC1);
+  for (int y = 0; y < grey.rows; ++y) {
+    auto* out = still.ptr<std::uint8_t>(y);
+    for_each_stretch(y, [&](const Stretch& stretch) {
+      for (int x = stretch.begin; x < stretch.end;) {
+        const Eigen::Vector2f path =
+            stretch.path + static_cast<float>(x - stretch.begin) * stretch.slope;
+        const Eigen::Vector2f whole = path.array().floor();
+        const Eigen::Vector2f part = path - whole;
+        const int count = std::min({stretch.end - x, pixels_within_one(part.x(), stretch.slope.x()),
+                                    pixels_within_one(part.y(), stretch.slope.y())});
+        const auto* top = readout_.ptr<std::int16_t>(y + kMargin + static_cast<int>(whole.y())) +
+                          kMargin + x + static_cast<int>(whole.x());
+        blend(top, top + readout_.step1(), part, stretch.slope, count, out + x);
+        x += count;
+      }
+    });
+  }
+  return still;
+}
+
+}  // namespace covey
