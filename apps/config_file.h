@@ -16,6 +16,7 @@
 #include "estimator/config.h"
 #include "estimator/drift_filter.h"
 #include "frontend/collaborator.h"
+#include "frontend/lag_estimator.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/tracker.h"
 
@@ -84,9 +85,7 @@ struct ThermalConfig {
   // Of a thermal camera's pixels: images stamped when they are read out show the past by so much.
   // Zero for drivers that account for it, as our simulator does.
   double time_constant_s = 0;
-  // Of the pixels of a microbolometer (FLIR Boson), taken out of calibrated images (pixel_lag.h);
-  // 0: not at all.
-  double pixel_lag_s = 0.008;
+  PixelLagConfig pixel_lag;  // taken out of calibrated images
   // As TrackerConfig has it for other images. Pixels that lag and a pattern that stands still do
   // not show in how well a patch fits.
   double aligned_scale = 7;

@@ -50,8 +50,11 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
            "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
   v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
            "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
-  v.number("pixel_lag_s", thermal.pixel_lag_s, {0, 0.1},
-           "[s] time constant of the pixels: what moves is smeared; taken out of calibrated images");
+  v.number("pixel_lag_s", thermal.pixel_lag.time_constant_s, {0, 0.05},
+           "[s] time constant of the pixels, which smear what moves; 0: they do not");
+  v.number("pixel_lag_sigma_s", thermal.pixel_lag.sigma_s, {0, 0.05},
+           "[s] standard deviation; the lag is estimated while flying, 0: it is known");
+  v.number("pixel_lag_wander", thermal.pixel_lag.wander, {0, 1}, "[s/sqrt(s)] of the estimate");
   v.number("aligned_scale", thermal.aligned_scale, {0, 1000},
            "as tracker.aligned_scale, for thermal cameras");
 }

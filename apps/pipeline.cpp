@@ -29,6 +29,8 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
 TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& sensors) {
   TrackerConfig tracker = config.tracker;
   if (sensors.thermal) tracker.aligned_scale = config.thermal.aligned_scale;
+  tracker.alignment.compare_scales =
+      is_calibrated(config.thermal.mode, sensors.thermal) && config.thermal.pixel_lag.sigma_s > 0;
   return tracker;
 }
 
@@ -88,14 +90,15 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                    std::optional<GroundTruth> truth)
     : config_(config),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
+      lag_estimator_(config.thermal.pixel_lag),
       tracker_(tracker_config(config, sensors), sensors.camera),
       estimator_(estimator_config(config, sensors), thread_cpu_ms) {
   status_.agent = config.agent.name;
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,
                          cv::Size(sensors.camera.width, sensors.camera.height));
-    const double time_constant_s = config.thermal.pixel_lag_s;
-    if (time_constant_s > 0) pixel_lag_.emplace(sensors.camera, time_constant_s);
+    const PixelLagConfig& lag = config.thermal.pixel_lag;
+    if (lag.time_constant_s > 0) pixel_lag_.emplace(sensors.camera);
   }
   if (config.agent.mode == FlightMode::kCollaborative) {
     const std::string& vocabulary = config.agent.vocabulary;
@@ -171,15 +174,15 @@ cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
 cv::Mat Pipeline::without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                               const std::vector<TrackPlace>& expected) {
   const TimeNs moment_ns = imu_moment(stamp_ns);
-  const TimeNs from_ns = moment_ns - nanoseconds(config_.thermal.pixel_lag_s);
+  const double lag_s = config_.thermal.pixel_lag.time_constant_s;
+  const TimeNs from_ns = moment_ns - nanoseconds(lag_s);
   const Eigen::Vector3d gyro_bias =
       started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
   const Eigen::Vector3d turned_imu =
       log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias));
-  pixel_lag_->set_motion(
-      estimator_.extrinsics().q_imu_cam.inverse() * turned_imu / config_.thermal.pixel_lag_s,
-      expected);
-  return pixel_lag_->taken_out(grey);
+  pixel_lag_->set_motion(estimator_.extrinsics().q_imu_cam.inverse() * turned_imu / lag_s,
+                         expected);
+  return pixel_lag_->taken_out(grey, lag_estimator_.time_constant_s());
 }
 
 TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
@@ -191,7 +194,9 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
   }
   if (calibration_) {
     const StageTimer timer(result.timing.thermal_ms);
-    calibration_->observe(tracker_.places());
+    const std::vector<TrackPlace> places = tracker_.places();
+    calibration_->observe(places);
+    if (pixel_lag_) lag_estimator_.learn(stamp_ns, places, *pixel_lag_);
   }
   result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
   result.tracks_begun = frame.added;

@@ -18,6 +18,7 @@
 #include "estimator/estimator.h"
 #include "frontend/camera.h"
 #include "frontend/collaborator.h"
+#include "frontend/lag_estimator.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/pixel_lag.h"
 #include "frontend/tracker.h"
@@ -123,6 +124,7 @@ class Pipeline {
   Initialisation initialisation_;
   std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
   std::optional<PixelLag> pixel_lag_;                  // likewise
+  LagEstimator lag_estimator_;
   Tracker tracker_;
   Estimator estimator_;
   std::optional<Collaborator> collaborator_;

@@ -148,6 +148,20 @@ struct Patch::Model {
     return place.pixel;
   }
 
+  // One step of translation, px of the image itself.
+  std::optional<Eigen::Vector2d> step(const cv::Mat& image, PatchPlace place,
+                                      std::size_t level) const {
+    const double scale = 1 << level;
+    place.pixel /= scale;
+    if (!inside(image, place, kRadius)) return std::nullopt;
+    Column samples;
+    const Reading reading = read(image, place, level, samples);
+    if (reading.gain < kMinGain) return std::nullopt;
+    const Eigen::Vector2f step =
+        levels[level].inverse_hessian * reading.products.tail<2>() / reading.gain;
+    return -scale * place.affine * step.cast<double>();
+  }
+
   // One step of all six parameters in the image itself.
   std::optional<PatchFit> warp(const cv::Mat& image, const PatchPlace& place) const {
     if (!inside(image, place, kRadius)) return std::nullopt;
@@ -235,6 +249,9 @@ std::optional<PatchFit> Patch::align(const ImagePyramid& pyramid, const PatchPla
     aligned = model_->warp(pyramid.levels[0], place);
     if (!aligned) return std::nullopt;
     place = aligned->place;
+  }
+  if (config.compare_scales && used > 1) {
+    aligned->coarse_shift = model_->step(pyramid.levels[1], place, 1);
   }
   return aligned;
 }

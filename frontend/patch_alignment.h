@@ -22,6 +22,7 @@ struct AlignmentConfig {
   double coarse_step = 0.2;      // px of a coarse level
   double affine_sigma = 0.02;    // change of an entry of the affine map from image to image
   double grey_sigma = 4.0;       // noise of a pixel and what the affine model leaves, grey levels
+  bool compare_scales = false;   // PatchFit::coarse_shift
   double min_texture = 0.7;  // mean gradient of the patch in its weakest direction, grey levels/px
 };
 
@@ -42,6 +43,9 @@ struct PatchFit {
   // next, over the texture that place and map share. White noise makes errors of 1.1 times that at
   // whole pixels, 2 times between them.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  // From there to where coarser texture says it is, in the image of half the size, px; if asked
+  // for.
+  std::optional<Eigen::Vector2d> coarse_shift = std::nullopt;
 };
 
 class Patch {

@@ -10,10 +10,10 @@
 namespace covey {
 namespace {
 
-constexpr int kCell = 32;        // px between nodes
-constexpr double kLongest = 14;  // px, of a path; what moves faster is taken for that
-constexpr int kMargin = 16;      // px around the sharpened image, for what comes from outside
-constexpr float kParts = 8;      // of a grey level
+constexpr int kCell = 32;       // px between nodes
+constexpr float kLongest = 14;  // px, of a path; what moves faster is taken for that
+constexpr int kMargin = 16;     // px around the sharpened image, for what comes from outside
+constexpr float kParts = 8;     // of a grey level
 
 // Flow of a resting point that the camera turns away from, per rad/s.
 Eigen::Matrix<double, 2, 3> flow_of_turning(const CameraIntrinsics& camera,
@@ -66,12 +66,12 @@ void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vec
 
 }  // namespace
 
-PixelLag::PixelLag(const CameraIntrinsics& camera, double time_constant_s)
-    : time_constant_s_(time_constant_s),
-      columns_((camera.width + kCell - 1) / kCell + 1),
+PixelLag::PixelLag(const CameraIntrinsics& camera)
+    : columns_((camera.width + kCell - 1) / kCell + 1),
       rows_((camera.height + kCell - 1) / kCell + 1),
-      paths_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
+      flows_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
              Eigen::Vector2f::Zero()),
+      paths_(flows_),
       readout_(camera.height + 2 * kMargin, camera.width + 2 * kMargin, CV_16SC1, cv::Scalar(0)) {
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
@@ -89,22 +89,28 @@ void PixelLag::set_motion(const Eigen::Vector3d& rate_cam, const std::vector<Tra
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Eigen::Vector2d flow =
         nodes_[i].flow_rate * rate_cam + mean_velocity(nodes_[i].pixel, tracks);
-    const Eigen::Vector2d path = time_constant_s_ * flow;
-    paths_[i] = (path * std::min(1.0, kLongest / std::max(path.norm(), 1e-9))).cast<float>();
+    flows_[i] = flow.cast<float>();
   }
 }
 
-Eigen::Vector2d PixelLag::path(const Eigen::Vector2d& pixel) const {
+Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
   const Eigen::Array2d last(columns_ - 1, rows_ - 1);
   const Eigen::Array2d place = (pixel.array() / kCell).max(0.0).min(last - 1e-6);
   const Eigen::Array2d whole = place.floor(), part = place - whole;
   const Eigen::Vector2f* top =
-      paths_.data() + static_cast<int>(whole.y()) * columns_ + static_cast<int>(whole.x());
+      flows_.data() + static_cast<int>(whole.y()) * columns_ + static_cast<int>(whole.x());
   const Eigen::Vector2f* bottom = top + columns_;
   const auto fx = static_cast<float>(part.x()), fy = static_cast<float>(part.y());
   const Eigen::Vector2f above = top[0] + fx * (top[1] - top[0]);
   const Eigen::Vector2f below = bottom[0] + fx * (bottom[1] - bottom[0]);
   return (above + fy * (below - above)).cast<double>();
+}
+
+void PixelLag::set_paths(double time_constant_s) {
+  for (std::size_t i = 0; i < flows_.size(); ++i) {
+    const Eigen::Vector2f path = static_cast<float>(time_constant_s) * flows_[i];
+    paths_[i] = path * std::min(1.0F, kLongest / std::max(path.norm(), 1e-9F));
+  }
 }
 
 // Part of a row between two columns of nodes: the path changes linearly along it.
@@ -174,7 +180,8 @@ void PixelLag::extend_edges() {
   }
 }
 
-cv::Mat PixelLag::taken_out(const cv::Mat& grey) {
+cv::Mat PixelLag::taken_out(const cv::Mat& grey, double time_constant_s) {
+  set_paths(time_constant_s);
   sharpen(grey);
   extend_edges();
   cv::Mat still(grey.size(), CV_8UC1);

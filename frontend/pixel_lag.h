@@ -8,7 +8,7 @@
 //
 // An image that moves at v changes by dI/dt = -v.grad I, so one image is enough to know what its
 // pixels would have shown without lag, S = I - tau v.grad I, at its readout. That image is moved
-// back by tau v, to what the stamp stands for: so an error of v moves nothing to first order.
+// back by tau v, to what the stamp stands for: so an error of v moves coarse texture by nothing.
 //
 // What moves how is known before the image is tracked: from the gyro, and from the tracks so far.
 #pragma once
@@ -24,18 +24,18 @@ namespace covey {
 
 class PixelLag {
  public:
-  PixelLag(const CameraIntrinsics& camera, double time_constant_s);
+  explicit PixelLag(const CameraIntrinsics& camera);
 
   // Of the image that is to be looked at. `rate_cam`: of the camera, rad/s. `tracks`: where they
   // are expected in it.
   void set_motion(const Eigen::Vector3d& rate_cam, const std::vector<TrackPlace>& tracks);
 
-  // How far what this pixel sees moves during one time constant, px.
-  [[nodiscard]] Eigen::Vector2d path(const Eigen::Vector2d& pixel) const;
+  // Of what this pixel sees, px/s.
+  [[nodiscard]] Eigen::Vector2d flow(const Eigen::Vector2d& pixel) const;
 
   // `grey`: CV_8UC1, the camera's size, stamped one time constant before its readout. Not
   // sharpened within two pixels of its edge.
-  [[nodiscard]] cv::Mat taken_out(const cv::Mat& grey);
+  [[nodiscard]] cv::Mat taken_out(const cv::Mat& grey, double time_constant_s);
 
  private:
   struct Node {
@@ -45,16 +45,17 @@ class PixelLag {
   };
   struct Stretch;
 
+  void set_paths(double time_constant_s);
   template <typename Use>
   void for_each_stretch(int y, Use use) const;
   void sharpen(const cv::Mat& grey);
   void extend_edges();
 
-  double time_constant_s_;
   int columns_, rows_;  // of nodes
   std::vector<Node> nodes_;
-  std::vector<Eigen::Vector2f> paths_;  // at the nodes, px
-  cv::Mat readout_;  // CV_16SC1, without lag, sixteenths of a grey level; with a margin
+  std::vector<Eigen::Vector2f> flows_;  // at the nodes, px/s
+  std::vector<Eigen::Vector2f> paths_;  // at the nodes, px, during one time constant
+  cv::Mat readout_;  // CV_16SC1, without lag, parts of a grey level; with a margin
 };
 
 }  // namespace covey

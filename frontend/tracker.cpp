@@ -28,7 +28,8 @@ struct Track {
   PatchPlace place;
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of the pixel
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();   // px/s, what rotation does not explain
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // px/s, what rotation does not explain
+  std::optional<Eigen::Vector2d> coarse_shift;
   int length = 1;                                       // images
   std::array<Eigen::Vector2d, kHistory> past_bearings;  // [image number % kHistory]
 };
@@ -143,6 +144,7 @@ struct Tracker::Impl {
     track.patch = std::move(*patch);
     track.patch_id = next_patch_id++;
     track.place.affine.setIdentity();
+    track.coarse_shift.reset();
   }
 
   bool follow(Track& track, const Turned& turned, double dt) {
@@ -154,6 +156,7 @@ struct Tracker::Impl {
     const auto bearing = unproject(camera, found->place.pixel);
     if (!bearing) return false;
     track.place = found->place;
+    track.coarse_shift = found->coarse_shift;
     track.covariance = config.aligned_sigma * config.aligned_sigma * Eigen::Matrix2d::Identity() +
                        config.aligned_scale * config.aligned_scale * found->covariance;
     track.bearing = *bearing;
@@ -335,7 +338,7 @@ std::vector<TrackPlace> Tracker::places() const {
   std::vector<TrackPlace> places;
   places.reserve(impl_->tracks.size());
   for (const Track& track : impl_->tracks) {
-    places.push_back({track.patch_id, track.place, track.velocity});
+    places.push_back({track.patch_id, track.place, track.velocity, track.coarse_shift});
   }
   return places;
 }
@@ -349,7 +352,7 @@ std::vector<TrackPlace> Tracker::predict(TimeNs stamp_ns,
     const auto turned = turn(impl_->camera, track.bearing, R_cam_previous);
     if (!turned) continue;
     const PatchPlace place{turned->pixel + dt * track.velocity, turned->J * track.place.affine};
-    places.push_back({track.patch_id, place, track.velocity});
+    places.push_back({track.patch_id, place, track.velocity, {}});
   }
   return places;
 }

@@ -66,6 +66,8 @@ struct TrackPlace {
   std::uint64_t patch_id = 0;
   PatchPlace place;
   Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // px/s, what rotation does not explain
+  // PatchFit::coarse_shift, in the last image; nothing where the patch was cut.
+  std::optional<Eigen::Vector2d> coarse_shift = std::nullopt;
 };
 
 struct TrackedFrame {

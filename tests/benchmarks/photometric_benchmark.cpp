@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
+#include "frontend/lag_estimator.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/pixel_lag.h"
 
@@ -60,26 +61,40 @@ void SixteenBitImage(benchmark::State& state) { whole_image(state, CV_16UC1); }
 BENCHMARK(EightBitImage)->Unit(benchmark::kMillisecond);
 BENCHMARK(SixteenBitImage)->Unit(benchmark::kMillisecond);
 
-void LagMotion(benchmark::State& state) {
-  const CameraIntrinsics camera{
-      640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {0, 0, 0, 0}};
-  PixelLag lag(camera, 0.008);
+// Rotation and tracks that move at up to 240 px/s.
+PixelLag moving_lag(const std::vector<TrackPlace>& places) {
+  PixelLag lag({640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {}});
+  lag.set_motion({0.1, 0.2, 0.3}, places);
+  return lag;
+}
+std::vector<TrackPlace> moving_tracks() {
   std::vector<TrackPlace> places = tracks(0);
-  for (TrackPlace& track : places) track.velocity = 0.3 * track.place.pixel;
+  for (TrackPlace& track : places) {
+    track.velocity = 0.3 * track.place.pixel;
+    track.coarse_shift = Eigen::Vector2d(0.1, 0);
+  }
+  return places;
+}
+
+void LagMotion(benchmark::State& state) {
+  const std::vector<TrackPlace> places = moving_tracks();
+  PixelLag lag = moving_lag(places);
   for (auto _ : state) lag.set_motion({0.1, 0.2, 0.3}, places);
 }
 void LagTakenOut(benchmark::State& state) {
-  const CameraIntrinsics camera{
-      640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {0, 0, 0, 0}};
-  PixelLag lag(camera, 0.008);
-  std::vector<TrackPlace> places = tracks(0);
-  for (TrackPlace& track : places) track.velocity = 0.3 * track.place.pixel;
-  lag.set_motion({0.1, 0.2, 0.3}, places);
+  PixelLag lag = moving_lag(moving_tracks());
   const cv::Mat grey = scene(CV_8UC1, 0);
-  for (auto _ : state) benchmark::DoNotOptimize(lag.taken_out(grey).data);
+  for (auto _ : state) benchmark::DoNotOptimize(lag.taken_out(grey, 0.008).data);
+}
+void LagEstimate(benchmark::State& state) {
+  const std::vector<TrackPlace> places = moving_tracks();
+  const PixelLag lag = moving_lag(places);
+  LagEstimator estimator(PixelLagConfig{});
+  for (auto _ : state) estimator.learn(nanoseconds(1), places, lag);
 }
 BENCHMARK(LagMotion)->Unit(benchmark::kMillisecond);
 BENCHMARK(LagTakenOut)->Unit(benchmark::kMillisecond);
+BENCHMARK(LagEstimate)->Unit(benchmark::kMillisecond);
 
 void GainFit(benchmark::State& state) {
   std::mt19937 random(1);
