@@ -239,6 +239,9 @@ std::string figures_table(const Inspection& inspection,
   rows += row("raw: change of a track's patch in ten images, median, of the image's deviation",
               inspection.raw_residual, 4);
   rows += row("calibrated: the same", inspection.calibrated_residual, 4);
+  if (inspection.pixel_lag_s) {
+    rows += row("lag of the pixels, estimated, ms", 1e3 * *inspection.pixel_lag_s, 2);
+  }
   constexpr double kPercent = 100;
   const auto percent = [](const std::optional<GainErrors>& errors) -> std::optional<double> {
     if (!errors) return std::nullopt;
@@ -299,6 +302,7 @@ nlohmann::json inspect_summary(const InspectReport& report) {
                {"raw", to_json(inspection.raw, inspection.dataset)},
                {"calibrated", Json()},
                {"patch_residual", Json()},
+               {"pixel_lag_s", to_json(inspection.pixel_lag_s)},
                {"truth", Json()}};
   if (inspection.calibrated) {
     json["calibrated"] = to_json(*inspection.calibrated, inspection.dataset);

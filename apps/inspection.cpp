@@ -65,6 +65,7 @@ class Observer {
   [[nodiscard]] const PhotometricCalibration* calibration() const {
     return pipeline_.calibration();
   }
+  [[nodiscard]] std::optional<double> pixel_lag_s() const { return pipeline_.pixel_lag_s(); }
 
   [[nodiscard]] InspectedFlight finished() {
     if (!flight_.tracks.empty()) {
@@ -216,7 +217,10 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
   }
   show(dataset.images.size(), dataset.images.size());
   inspection.raw = raw.finished();
-  if (calibrated) inspection.calibrated = calibrated->finished();
+  if (calibrated) {
+    inspection.calibrated = calibrated->finished();
+    inspection.pixel_lag_s = calibrated->pixel_lag_s();
+  }
   log.move_into(inspection);
   return inspection;
 }

@@ -62,6 +62,7 @@ struct Inspection {
   std::optional<InspectedFlight> calibrated;  // of a thermal camera
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
   std::vector<FieldRecord> fields;            // twice a second
+  std::optional<double> pixel_lag_s;          // time constant, as estimated at the end
   // |difference| between a track's patch, its mean, and that ten images before, in standard
   // deviations of the image, median over the flight; of the same patches in raw and in calibrated
   // levels. Patches are warped with their tracks: the same piece of the scene.

@@ -90,6 +90,10 @@ class Pipeline {
   [[nodiscard]] const PhotometricCalibration* calibration() const {
     return calibration_ ? &*calibration_ : nullptr;
   }
+  // As it is estimated; nothing when it is not taken out of images.
+  [[nodiscard]] std::optional<double> pixel_lag_s() const {
+    return pixel_lag_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
+  }
   // Empty when flown alone.
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.

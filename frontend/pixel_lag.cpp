@@ -97,8 +97,8 @@ Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
   const Eigen::Array2d last(columns_ - 1, rows_ - 1);
   const Eigen::Array2d place = (pixel.array() / kCell).max(0.0).min(last - 1e-6);
   const Eigen::Array2d whole = place.floor(), part = place - whole;
-  const Eigen::Vector2f* top =
-      flows_.data() + static_cast<int>(whole.y()) * columns_ + static_cast<int>(whole.x());
+  const Eigen::Vector2f* top = flows_.data() + static_cast<std::ptrdiff_t>(whole.y()) * columns_ +
+                               static_cast<std::ptrdiff_t>(whole.x());
   const Eigen::Vector2f* bottom = top + columns_;
   const auto fx = static_cast<float>(part.x()), fy = static_cast<float>(part.y());
   const Eigen::Vector2f above = top[0] + fx * (top[1] - top[0]);
@@ -109,7 +109,10 @@ Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
 void PixelLag::set_paths(double time_constant_s) {
   for (std::size_t i = 0; i < flows_.size(); ++i) {
     const Eigen::Vector2f path = static_cast<float>(time_constant_s) * flows_[i];
-    paths_[i] = path * std::min(1.0F, kLongest / std::max(path.norm(), 1e-9F));
+    const float length = path.norm();
+    // Written so that what is no number moves nothing.
+    paths_[i] = length > 0 ? Eigen::Vector2f(path * std::min(1.0F, kLongest / length))
+                           : Eigen::Vector2f(Eigen::Vector2f::Zero());
   }
 }
 
@@ -161,7 +164,7 @@ void PixelLag::sharpen(const cv::Mat& grey) {
         const float level = kParts * static_cast<float>(in[x]) -
                             (path.x() + along * slope.x()) * static_cast<float>(across_x) -
                             (path.y() + along * slope.y()) * static_cast<float>(across_y);
-        out[x] = static_cast<std::int16_t>(std::min(std::max(level, -32000.0f), 32000.0f));
+        out[x] = static_cast<std::int16_t>(std::min(std::max(level, -32000.0F), 32000.0F));
       }
     });
   }
