@@ -54,6 +54,9 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
            "[s] time constant of the pixels, which smear what moves; 0: they do not");
   v.number("pixel_lag_sigma_s", thermal.pixel_lag.sigma_s, {0, 0.05},
            "[s] standard deviation; the lag is estimated while flying, 0: it is known");
+  v.number(
+      "pixel_lag_shift_sigma_px", thermal.pixel_lag.shift_sigma_px, {1e-3, 1e3},
+      "[px] of a patch in the image of half the size, errors that last and are shared included");
   v.number("pixel_lag_wander", thermal.pixel_lag.wander, {0, 1}, "[s/sqrt(s)] of the estimate");
   v.number("aligned_scale", thermal.aligned_scale, {0, 1000},
            "as tracker.aligned_scale, for thermal cameras");

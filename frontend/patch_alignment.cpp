@@ -128,6 +128,11 @@ struct Patch::Model {
     return reading;
   }
 
+  // Of the translation, px of the patch on that level.
+  Eigen::Vector2f step_of(const Reading& reading, std::size_t level) const {
+    return levels[level].inverse_hessian * reading.products.tail<2>() / reading.gain;
+  }
+
   // Translation alone. Nothing when it leaves the image, wanders off or fades.
   std::optional<Eigen::Vector2d> shift(const cv::Mat& image, PatchPlace place, std::size_t level,
                                        const AlignmentConfig& config) const {
@@ -138,9 +143,7 @@ struct Patch::Model {
       if (!inside(image, place, kRadius)) return std::nullopt;
       const Reading reading = read(image, place, level, samples);
       if (reading.gain < kMinGain) return std::nullopt;
-      const Eigen::Vector2f step =
-          levels[level].inverse_hessian * reading.products.tail<2>() / reading.gain;
-      const Eigen::Vector2d moved = place.affine * step.cast<double>();
+      const Eigen::Vector2d moved = place.affine * step_of(reading, level).cast<double>();
       place.pixel -= moved;
       if (moved.squaredNorm() < converged * converged) break;
     }
@@ -148,18 +151,16 @@ struct Patch::Model {
     return place.pixel;
   }
 
-  // One step of translation, px of the image itself.
-  std::optional<Eigen::Vector2d> step(const cv::Mat& image, PatchPlace place,
-                                      std::size_t level) const {
+  // By one step of translation, px of the image itself.
+  std::optional<Eigen::Vector2d> step_on(const cv::Mat& image, PatchPlace place,
+                                         std::size_t level) const {
     const double scale = 1 << level;
     place.pixel /= scale;
     if (!inside(image, place, kRadius)) return std::nullopt;
     Column samples;
     const Reading reading = read(image, place, level, samples);
     if (reading.gain < kMinGain) return std::nullopt;
-    const Eigen::Vector2f step =
-        levels[level].inverse_hessian * reading.products.tail<2>() / reading.gain;
-    return -scale * place.affine * step.cast<double>();
+    return -scale * place.affine * step_of(reading, level).cast<double>();
   }
 
   // One step of all six parameters in the image itself.
@@ -251,7 +252,7 @@ std::optional<PatchFit> Patch::align(const ImagePyramid& pyramid, const PatchPla
     place = aligned->place;
   }
   if (config.compare_scales && used > 1) {
-    aligned->coarse_shift = model_->step(pyramid.levels[1], place, 1);
+    aligned->coarse_shift = model_->step_on(pyramid.levels[1], place, 1);
   }
   return aligned;
 }

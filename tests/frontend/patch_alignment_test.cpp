@@ -172,6 +172,38 @@ TEST(PatchAlignment, FlatAndStripedPatchesAreNotCut) {
   EXPECT_FALSE(Patch::cut(build_pyramid(stripes, 3), kCentre, config).has_value());
 }
 
+// Waves of 6 px that stay, and of 25 px that have moved to the right.
+TEST(PatchAlignment, CoarseTextureThatHasMovedFurtherShowsInTheImageOfHalfTheSize) {
+  const auto image_with = [](double coarse_shift) {
+    cv::Mat image(kSide, kSide, CV_8U);
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const double fine = std::sin(1.05 * x) + std::sin(1.05 * y + 1);
+        const double coarse = std::sin(0.25 * (x - coarse_shift)) + std::sin(0.25 * y + 2);
+        image.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(125 + 20 * (fine + coarse));
+      }
+    }
+    return image;
+  };
+  AlignmentConfig config;
+  config.compare_scales = true;
+  const auto patch = Patch::cut(build_pyramid(image_with(0), 2), kCentre, config);
+  ASSERT_TRUE(patch.has_value());
+  const auto shift_in = [&](const cv::Mat& image) {
+    const auto found = patch->align(build_pyramid(image, 2), at(kCentre), 2, config);
+    return found && found->coarse_shift ? *found->coarse_shift : Eigen::Vector2d(99, 99);
+  };
+  EXPECT_LT(shift_in(image_with(0)).norm(), 0.03);
+  const Eigen::Vector2d shift = shift_in(image_with(0.8));
+  EXPECT_GT(shift.x(), 0.3);
+  EXPECT_LT(shift.x(), 0.9);
+  EXPECT_LT(std::abs(shift.y()), 0.1);
+  config.compare_scales = false;
+  const auto found = patch->align(build_pyramid(image_with(0.8), 2), at(kCentre), 2, config);
+  ASSERT_TRUE(found.has_value());
+  EXPECT_FALSE(found->coarse_shift.has_value());
+}
+
 TEST(PatchAlignment, PatchesThatWouldLeaveTheImageAreNotCutAndNotFound) {
   const AlignmentConfig config;
   const ImagePyramid pyramid =
