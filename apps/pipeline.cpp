@@ -176,10 +176,8 @@ cv::Mat Pipeline::without_lag(TimeNs stamp_ns, const cv::Mat& grey,
   const TimeNs moment_ns = imu_moment(stamp_ns);
   const double lag_s = config_.thermal.pixel_lag.time_constant_s;
   const TimeNs from_ns = moment_ns - nanoseconds(lag_s);
-  const Eigen::Vector3d gyro_bias =
-      started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
   const Eigen::Vector3d turned_imu =
-      log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias));
+      log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias()));
   pixel_lag_->set_motion(estimator_.extrinsics().q_imu_cam.inverse() * turned_imu / lag_s,
                          expected);
   return pixel_lag_->taken_out(grey, lag_estimator_.time_constant_s());
@@ -238,12 +236,14 @@ void Pipeline::forget_old_imu(TimeNs stamp_ns) {
   recent_imu_.erase(recent_imu_.begin(), recent_imu_.begin() + static_cast<std::ptrdiff_t>(first));
 }
 
+Eigen::Vector3d Pipeline::gyro_bias() const {
+  return started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
+}
+
 Eigen::Matrix3d Pipeline::predicted_rotation(TimeNs stamp_ns) const {
   if (!previous_image_ns_) return Eigen::Matrix3d::Identity();
-  const Eigen::Vector3d gyro_bias =
-      started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
-  const Eigen::Quaterniond q_previous_now =
-      integrate_gyro(recent_imu_, imu_moment(*previous_image_ns_), imu_moment(stamp_ns), gyro_bias);
+  const Eigen::Quaterniond q_previous_now = integrate_gyro(
+      recent_imu_, imu_moment(*previous_image_ns_), imu_moment(stamp_ns), gyro_bias());
   const Eigen::Quaterniond q_imu_cam = estimator_.extrinsics().q_imu_cam;
   return (q_imu_cam.conjugate() * q_previous_now.conjugate() * q_imu_cam).toRotationMatrix();
 }

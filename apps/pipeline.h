@@ -112,6 +112,7 @@ class Pipeline {
   [[nodiscard]] Odometry with_team(const Odometry& alone) const;
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
+  [[nodiscard]] Eigen::Vector3d gyro_bias() const;
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
   [[nodiscard]] cv::Mat without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                                     const std::vector<TrackPlace>& expected);
