@@ -58,6 +58,9 @@ void visit_discovery(DiscoveryProfile& discovery, ConfigVisitor& v) {
           "[ms] after anything else was said to all");
   v.count("first_announcements", discovery.first_announcements, {0, 100}, "in quick succession");
   v.count("first_announcement_ms", discovery.first_announcement_ms, {1, 1e5}, "[ms] between two");
+  v.count("repeat_ms", discovery.repeat_ms, {0, 1e5},
+          "[ms] after which newcomers that do not get on are told again what this drone reads and "
+          "writes, unless there are more than eight others; 0: never");
   v.count("ports_per_host", discovery.ports_per_host, {1, 100}, "where drones are looked for");
   v.count("farewell_ms", discovery.farewell_ms, {0, 1e5}, "[ms] for the last acknowledgements");
   v.end_section();

@@ -2,6 +2,7 @@
 #include "comms/link_events.h"
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
 #include <fastdds/dds/subscriber/DataReader.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
@@ -16,6 +17,7 @@ namespace {
 
 namespace dds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
+using std::chrono::steady_clock;
 
 PeerId peer_id(const rtps::InstanceHandle_t& endpoint) {
   return covey::peer_id(rtps::iHandle2GUID(endpoint).guidPrefix);
@@ -48,13 +50,13 @@ void DiscoveryEvents::on_participant_discovery(dds::DomainParticipant* /*partici
       info.status == rtps::ParticipantDiscoveryInfo::DROPPED_PARTICIPANT)
     state_.remove_participant(id);
   else
-    state_.enter_participant(id);
+    state_.enter_participant(id, steady_clock::now());
 }
 
 void WriterEvents::on_publication_matched(dds::DataWriter* /*writer*/,
                                           const dds::PublicationMatchedStatus& status) {
   state_.change_matches(peer_id(status.last_subscription_handle), channel_,
-                        status.current_count_change);
+                        status.current_count_change, steady_clock::now());
 }
 
 void ReaderEvents::on_data_available(dds::DataReader* reader) {
@@ -68,7 +70,7 @@ void ReaderEvents::on_data_available(dds::DataReader* reader) {
 void ReaderEvents::on_subscription_matched(dds::DataReader* /*reader*/,
                                            const dds::SubscriptionMatchedStatus& status) {
   state_.change_matches(peer_id(status.last_publication_handle), channel_,
-                        status.current_count_change);
+                        status.current_count_change, steady_clock::now());
 }
 
 void ReaderEvents::receive(const Bytes& bytes, const PeerId& from) {

@@ -46,6 +46,7 @@ struct DiscoveryProfile {
   int sign_of_life_ms = 1400;   // of a drone that has nothing else to say
   int first_announcements = 5;  // at the start, in quick succession
   int first_announcement_ms = 100;
+  int repeat_ms = 150;     // from describing the own topics to newcomers until again; 0: never
   int ports_per_host = 1;  // where drones of one host are looked for
   int farewell_ms = 0;     // wait at the end until all has been acknowledged
 };

@@ -166,14 +166,17 @@ void LinkState::name_peer(const PeerId& id, const std::string& name) {
   change_peers([&](PeerTable& table) { table.set_name(id, name); });
 }
 
-void LinkState::change_matches(const PeerId& id, Channel channel, int difference) {
+void LinkState::change_matches(const PeerId& id, Channel channel, int difference, Time now) {
   if (is_own(id)) return;
+  if (difference > 0) note_progress(id, now);
   change_peers([&](PeerTable& table) { table.change_matches(id, channel, difference); });
 }
 
-void LinkState::enter_participant(const PeerId& id) {
+void LinkState::enter_participant(const PeerId& id, Time now) {
   const std::lock_guard lock(mutex_);
-  participants_.insert(id);
+  if (!participants_.emplace(id, now).second) return;
+  peers_changed_ = true;
+  changed_.notify_all();
 }
 
 void LinkState::remove_participant(const PeerId& id) {
@@ -196,6 +199,22 @@ bool LinkState::complete(Time now) const {
   const std::lock_guard lock(mutex_);
   return watch_.others > 0 && now - newcomer_ > kWelcome &&
          table_.linked(token(own_id_)).size() >= watch_.others;
+}
+
+void LinkState::note_progress(const PeerId& id, Time now) {
+  const std::lock_guard lock(mutex_);
+  if (const auto found = participants_.find(id); found != participants_.end()) found->second = now;
+}
+
+LinkState::Waiting LinkState::waiting(Time now) const {
+  const std::lock_guard lock(mutex_);
+  Waiting waiting;
+  waiting.participants = static_cast<int>(participants_.size());
+  for (const auto& [id, progress] : participants_) {
+    if (now - progress > kWelcome || table_.is_linked(id, token(own_id_))) continue;
+    waiting.since = std::min(waiting.since, progress);
+  }
+  return waiting;
 }
 
 // ------------------------------------------------------------------------------ from the caller

@@ -43,12 +43,19 @@ class LinkState {
   void receive(Kind kind, const Bytes& bytes, const PeerId& from);
   void reject(const PeerId& from, const std::string& reason);
   void name_peer(const PeerId& id, const std::string& name);
-  void change_matches(const PeerId& id, Channel channel, int difference);
-  void enter_participant(const PeerId& id);  // drone or not
+  void change_matches(const PeerId& id, Channel channel, int difference, Time now);
+  void enter_participant(const PeerId& id, Time now);  // drone or not
   void remove_participant(const PeerId& id);
   void hear(const PeerId& id, Time now);  // a packet, whatever it says
   // Everybody is linked and nobody has come lately: no participant needs to be told of this one.
   [[nodiscard]] bool complete(Time now) const;
+  // For participants that may still get linked. Who does not get on for 5 s is another sort of
+  // program.
+  struct Waiting {
+    Time since = Time::max();  // the one that has waited longest came or got on
+    int participants = 0;      // whether they wait or not
+  };
+  [[nodiscard]] Waiting waiting(Time now) const;
 
   // --- From the caller.
   std::vector<Inbound> take();
@@ -85,6 +92,7 @@ class LinkState {
   void compare_clocks(const StatusSample& sample, TimeNs received_ns);
   void accept(KindStatistics* kind, std::size_t bytes, Inbound inbound);
   void reject_locked(const PeerId& from, const std::string& reason);
+  void note_progress(const PeerId& id, Time now);
   void change_peers(const std::function<void(PeerTable&)>& change);
   KindStatistics& statistics_of(Kind kind);
 
@@ -97,7 +105,7 @@ class LinkState {
   std::condition_variable changed_;
   PeerId own_id_{};
   PeerTable table_;
-  std::set<PeerId> participants_;                   // as many as DDS admits
+  std::map<PeerId, Time> participants_;             // last progress; as many as DDS admits
   Time newcomer_;                                   // last packet of one that was not among them
   std::map<std::string, AgentStatus> last_status_;  // by drone
   std::map<std::string, ClockFilter> clocks_;       // the same

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <deque>
 #include <exception>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
@@ -92,6 +93,19 @@ struct ParticipantDeleter {
   }
 };
 
+// A description replaces the last one of its endpoint. That of the oldest leaves no hole in what is
+// offered, of which a peer would have to be told first.
+template <typename Endpoint>
+void describe_oldest(std::deque<Endpoint*>& in_order) {
+  Endpoint* oldest = in_order.front();
+  in_order.pop_front();
+  in_order.push_back(oldest);
+  auto qos = oldest->get_qos();
+  const std::size_t other_size = qos.user_data().empty() ? 1 : 0;
+  qos.user_data().data_vec(std::vector<eprosima::fastrtps::rtps::octet>(other_size));
+  oldest->set_qos(qos);
+}
+
 }  // namespace
 
 // --------------------------------------------------------------------------------------- the link
@@ -138,6 +152,8 @@ class PeerLink::Impl {
   bool publish_status();
   steady_clock::time_point next_sign();
   void give_sign_when_due();
+  steady_clock::time_point next_repeat();
+  void repeat_endpoints_when_due();
 
   const LinkConfig config_;
   const Kind message_kind_;
@@ -173,6 +189,11 @@ class PeerLink::Impl {
   Outbox outbox_;
   bool closed_ = false;
   bool said_farewell_ = false;  // and joined the threads
+
+  // The housekeeper's, once it runs: endpoints in the order in which peers were told of them.
+  std::deque<dds::DataWriter*> writers_described_;
+  std::deque<dds::DataReader*> readers_described_;
+  steady_clock::time_point last_repeat_;
 
   std::thread housekeeper_;
   std::thread dispatcher_;
@@ -291,6 +312,7 @@ dds::DataWriter* PeerLink::Impl::create_writer(Kind kind, WriterEvents* events,
   dds::DataWriter* writer = publisher_->create_datawriter(topic, writer_qos(kind, config_), events,
                                                           dds::StatusMask::publication_matched());
   require(writer != nullptr, "cannot create DDS writer of " + topic->get_name());
+  writers_described_.push_back(writer);
   return writer;
 }
 
@@ -298,16 +320,18 @@ void PeerLink::Impl::create_reader(Kind kind, ReaderEvents* events, const std::s
   dds::Topic* topic = create_topic(kind, receiver);
   const dds::StatusMask mask = dds::StatusMask::data_available()
                                << dds::StatusMask::subscription_matched();
-  const dds::DataReader* reader =
+  dds::DataReader* reader =
       subscriber_->create_datareader(topic, reader_qos(kind, config_), events, mask);
   require(reader != nullptr, "cannot create DDS reader of " + topic->get_name());
+  readers_described_.push_back(reader);
 }
 
 // Creating entities and writing inside a DDS callback can lock up: both happen on a thread of ours.
 void PeerLink::Impl::keep_house() {
   std::vector<std::uint64_t> told;
-  while (const auto news = state_.wait_for_housekeeping(next_sign())) {
+  while (const auto news = state_.wait_for_housekeeping(std::min(next_sign(), next_repeat()))) {
     create_answer_writers(news->names);
+    repeat_endpoints_when_due();
     if (news->heard != told && publish_status())
       told = news->heard;
     else if (news->doubt)
@@ -328,6 +352,27 @@ void PeerLink::Impl::give_sign_when_due() {
   const std::lock_guard lock(status_mutex_);
   status_writer_->assert_liveliness();
   last_sign_ = steady_clock::now();
+}
+
+// Each drone's descriptions go to all others, so that all together give radio and processors more
+// to do with the square of their number: more than a large team that meets at once can take.
+steady_clock::time_point PeerLink::Impl::next_repeat() {
+  constexpr int kMostParticipants = 8;
+  const milliseconds interval(config_.profile.discovery.repeat_ms);
+  const LinkState::Waiting waiting = state_.waiting(steady_clock::now());
+  const bool some = waiting.since != steady_clock::time_point::max();
+  if (interval == interval.zero() || !some || waiting.participants > kMostParticipants)
+    return steady_clock::time_point::max();
+  return std::max(waiting.since, last_repeat_) + interval;
+}
+
+// DDS offers the descriptions of its endpoints again after a second only, and of offer, request and
+// description each may be lost. A change of user data is described, and all offered, at once.
+void PeerLink::Impl::repeat_endpoints_when_due() {
+  if (steady_clock::now() < next_repeat()) return;
+  last_repeat_ = steady_clock::now();
+  describe_oldest(writers_described_);
+  describe_oldest(readers_described_);
 }
 
 // Holds the lock from creation to entry: a writer may be matched, and be asked for, in between.

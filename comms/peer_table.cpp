@@ -126,13 +126,20 @@ std::vector<HeardPeer> PeerTable::heard() const {
 
 std::set<std::string> PeerTable::linked(std::uint64_t own_token) const {
   std::set<std::string> out;
-  for (const auto& [id, peer] : peers_) {
-    const bool hears_us =
-        std::find(peer.hears.begin(), peer.hears.end(), own_token) != peer.hears.end();
-    if (!peer.name.empty() && peer.alive && hears_us && matched_everywhere(peer))
-      out.insert(peer.name);
-  }
+  for (const auto& [id, peer] : peers_)
+    if (is_linked(peer, own_token)) out.insert(peer.name);
   return out;
+}
+
+bool PeerTable::is_linked(const PeerId& id, std::uint64_t own_token) const {
+  const auto found = peers_.find(id);
+  return found != peers_.end() && is_linked(found->second, own_token);
+}
+
+bool PeerTable::is_linked(const Peer& peer, std::uint64_t own_token) {
+  const bool hears_us =
+      std::find(peer.hears.begin(), peer.hears.end(), own_token) != peer.hears.end();
+  return !peer.name.empty() && peer.alive && hears_us && matched_everywhere(peer);
 }
 
 }  // namespace covey

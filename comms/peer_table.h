@@ -71,6 +71,7 @@ class PeerTable {
   [[nodiscard]] std::vector<HeardPeer> heard() const;
   // Peers matched on all channels as seen from both sides, and alive.
   [[nodiscard]] std::set<std::string> linked(std::uint64_t own_token) const;
+  [[nodiscard]] bool is_linked(const PeerId& id, std::uint64_t own_token) const;
 
  private:
   struct Peer {
@@ -85,6 +86,7 @@ class PeerTable {
   Peer* find_or_enter(const PeerId& id);
   bool forget_one_unmatched();
   static bool matched_everywhere(const Peer& peer);
+  static bool is_linked(const Peer& peer, std::uint64_t own_token);
 
   std::size_t limit_;
   std::map<PeerId, Peer> peers_;

@@ -7,9 +7,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <condition_variable>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
@@ -18,6 +20,7 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <map>
 #include <mutex>
 #include <sstream>
 #include <string>
@@ -256,6 +259,65 @@ TEST(ForeignDds, AGroundStationReadsOdometry) {
   const auto decoded = decode_odometry(bytes);
   ASSERT_TRUE(std::holds_alternative<OdometrySample>(decoded));
   EXPECT_EQ(std::get<OdometrySample>(decoded).agent, "uav0");
+}
+
+// Hears what a drone says of its topics, and is never linked with it.
+class Onlooker : public dds::DomainParticipantListener {
+ public:
+  Onlooker() {
+    const LinkConfig config = team_config("onlooker");
+    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(config.domain),
+        participant_qos(config, std::make_shared<Wire>()), this, dds::StatusMask::none());
+    if (participant_ == nullptr) throw std::runtime_error("no participant");
+  }
+  ~Onlooker() override {
+    participant_->set_listener(nullptr);
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  Onlooker(const Onlooker&) = delete;
+  Onlooker& operator=(const Onlooker&) = delete;
+
+  void on_publisher_discovery(dds::DomainParticipant* /*participant*/,
+                              eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override {
+    const std::lock_guard lock(mutex_);
+    ++descriptions_[info.info.topicName().to_string()];
+    described_.set(descriptions_);
+  }
+  void on_subscriber_discovery(dds::DomainParticipant* /*participant*/,
+                               eprosima::fastrtps::rtps::ReaderDiscoveryInfo&& info) override {
+    const std::lock_guard lock(mutex_);
+    ++descriptions_[info.info.topicName().to_string()];
+    described_.set(descriptions_);
+  }
+  // Waits until each of so many topics has been described so often.
+  std::map<std::string, int> described(std::size_t topics, int times) {
+    return described_.wait_until([&](const std::map<std::string, int>& counts) {
+      return counts.size() >= topics &&
+             std::all_of(counts.begin(), counts.end(),
+                         [&](const auto& topic) { return topic.second >= times; });
+    });
+  }
+
+ private:
+  dds::DomainParticipant* participant_ = nullptr;
+  std::mutex mutex_;
+  std::map<std::string, int> descriptions_;
+  Awaited<std::map<std::string, int>> described_;
+};
+
+TEST(ForeignDds, WhoDoesNotGetLinkedIsToldOfTheTopicsAgain) {
+  LinkConfig config = team_config("uav0");
+  config.profile.discovery.repeat_ms = 5;
+  const std::string team = "covey/" + config.team;
+  Onlooker onlooker;
+  const PeerLink link(config);
+  const std::map<std::string, int> described = onlooker.described(4, 3);
+  // Request and status have a writer and a reader each: twice without any repetition.
+  for (const char* topic : {"/request", "/status", "/odometry", "/message/uav0"}) {
+    ASSERT_TRUE(described.count(team + topic)) << topic;
+    EXPECT_GE(described.at(team + topic), 3) << topic;
+  }
 }
 
 }  // namespace

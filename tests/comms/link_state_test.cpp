@@ -125,7 +125,7 @@ TEST(LinkState, TheOwnStatusSaysWhenThoseOfItsPeersCame) {
   TimeNs now_ns = 1'000'000'000'000;
   LinkState state("uav0", 8, {}, [&] { return now_ns; });
   for (std::size_t i = 0; i < kChannels; ++i)
-    state.change_matches(uav1_id(), static_cast<Channel>(i), +1);
+    state.change_matches(uav1_id(), static_cast<Channel>(i), +1, {});
   state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {}, 77}), uav1_id());
   now_ns += 5;
   const StatusSample own = state.to_be_said(samples::status("uav0"));
@@ -158,10 +158,10 @@ TEST(LinkState, AWaitForTheInboxEndsWhenEnoughHasArrived) {
 
 void link(LinkState& state, const PeerId& own, const PeerId& peer) {
   state.set_own_id(own);
-  state.enter_participant(peer);
+  state.enter_participant(peer, {});
   state.name_peer(peer, "uav1");
   for (std::size_t i = 0; i < kChannels; ++i)
-    state.change_matches(peer, static_cast<Channel>(i), +1);
+    state.change_matches(peer, static_cast<Channel>(i), +1, {});
   state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {{token(own)}}, 0}),
                 peer);
 }
@@ -193,11 +193,32 @@ TEST(LinkState, ATeamIsCompleteOnceAllAreLinkedAndNobodyIsNew) {
   EXPECT_TRUE(state.complete(now));
   state.hear(newcomer, now);
   EXPECT_FALSE(state.complete(now + seconds(4)));
-  state.enter_participant(newcomer);
+  state.enter_participant(newcomer, now);
   state.hear(newcomer, now + seconds(4));
   EXPECT_TRUE(state.complete(now + seconds(6)));
   state.remove_participant(uav1_id());
   EXPECT_FALSE(state.complete(now + seconds(6)));
+}
+
+TEST(LinkState, ANewcomerIsWaitedForUntilItIsLinkedOrDoesNotGetOn) {
+  const auto now = std::chrono::steady_clock::now();
+  LinkState state("uav0", 8);
+  PeerId own{}, stranger{};
+  own[0] = 7;
+  stranger[0] = 9;
+  EXPECT_EQ(state.waiting(now).since, LinkState::Time::max());
+  link(state, own, uav1_id());
+  EXPECT_EQ(state.waiting(now).since, LinkState::Time::max());
+  state.enter_participant(stranger, now);
+  EXPECT_EQ(state.waiting(now).participants, 2);
+  EXPECT_EQ(state.waiting(now + seconds(4)).since, now);
+  EXPECT_EQ(state.waiting(now + seconds(6)).since, LinkState::Time::max());
+  state.change_matches(stranger, Channel::kStatusIn, +1, now + seconds(6));
+  EXPECT_EQ(state.waiting(now + seconds(7)).since, now + seconds(6));
+  state.change_matches(stranger, Channel::kStatusIn, -1, now + seconds(7));
+  EXPECT_EQ(state.waiting(now + seconds(8)).since, now + seconds(6));
+  state.remove_participant(stranger);
+  EXPECT_EQ(state.waiting(now + seconds(8)).since, LinkState::Time::max());
 }
 
 TEST(LinkState, ClosingEndsEveryWait) {
