@@ -13,6 +13,8 @@ namespace {
 constexpr std::size_t kMaxPeers = 2 * kMaxHears;
 // A newcomer may have to be told of this drone more than once before both are linked.
 constexpr std::chrono::seconds kWelcome{5};
+// Who has not got on for so long is no drone, or not within reach.
+constexpr std::chrono::seconds kPatience{2};
 
 bool same(const AgentStatus& a, const AgentStatus& b) {
   return a.agent == b.agent && a.stamp_ns == b.stamp_ns && a.status == b.status &&
@@ -211,7 +213,7 @@ LinkState::Waiting LinkState::waiting(Time now) const {
   Waiting waiting;
   waiting.participants = static_cast<int>(participants_.size());
   for (const auto& [id, progress] : participants_) {
-    if (now - progress > kWelcome || table_.is_linked(id, token(own_id_))) continue;
+    if (now - progress > kPatience || table_.is_linked(id, token(own_id_))) continue;
     waiting.since = std::min(waiting.since, progress);
   }
   return waiting;

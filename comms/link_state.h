@@ -49,8 +49,7 @@ class LinkState {
   void hear(const PeerId& id, Time now);  // a packet, whatever it says
   // Everybody is linked and nobody has come lately: no participant needs to be told of this one.
   [[nodiscard]] bool complete(Time now) const;
-  // For participants that may still get linked. Who does not get on for 5 s is another sort of
-  // program.
+  // For participants that may still get linked: who does not get on for 2 s is something else.
   struct Waiting {
     Time since = Time::max();  // the one that has waited longest came or got on
     int participants = 0;      // whether they wait or not

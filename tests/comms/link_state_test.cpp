@@ -211,8 +211,8 @@ TEST(LinkState, ANewcomerIsWaitedForUntilItIsLinkedOrDoesNotGetOn) {
   EXPECT_EQ(state.waiting(now).since, LinkState::Time::max());
   state.enter_participant(stranger, now);
   EXPECT_EQ(state.waiting(now).participants, 2);
-  EXPECT_EQ(state.waiting(now + seconds(4)).since, now);
-  EXPECT_EQ(state.waiting(now + seconds(6)).since, LinkState::Time::max());
+  EXPECT_EQ(state.waiting(now + seconds(1)).since, now);
+  EXPECT_EQ(state.waiting(now + seconds(3)).since, LinkState::Time::max());
   state.change_matches(stranger, Channel::kStatusIn, +1, now + seconds(6));
   EXPECT_EQ(state.waiting(now + seconds(7)).since, now + seconds(6));
   state.change_matches(stranger, Channel::kStatusIn, -1, now + seconds(7));
