@@ -170,15 +170,15 @@ void LinkState::name_peer(const PeerId& id, const std::string& name) {
 
 void LinkState::change_matches(const PeerId& id, Channel channel, int difference, Time now) {
   if (is_own(id)) return;
-  if (difference > 0) note_progress(id, now);
-  change_peers([&](PeerTable& table) { table.change_matches(id, channel, difference); });
+  change_peers([&](PeerTable& table) {
+    table.change_matches(id, channel, difference);
+    const auto participant = participants_.find(id);
+    if (difference > 0 && participant != participants_.end()) participant->second = now;
+  });
 }
 
 void LinkState::enter_participant(const PeerId& id, Time now) {
-  const std::lock_guard lock(mutex_);
-  if (!participants_.emplace(id, now).second) return;
-  peers_changed_ = true;
-  changed_.notify_all();
+  change_peers([&](PeerTable& /*table*/) { participants_.emplace(id, now); });
 }
 
 void LinkState::remove_participant(const PeerId& id) {
@@ -201,11 +201,6 @@ bool LinkState::complete(Time now) const {
   const std::lock_guard lock(mutex_);
   return watch_.others > 0 && now - newcomer_ > kWelcome &&
          table_.linked(token(own_id_)).size() >= watch_.others;
-}
-
-void LinkState::note_progress(const PeerId& id, Time now) {
-  const std::lock_guard lock(mutex_);
-  if (const auto found = participants_.find(id); found != participants_.end()) found->second = now;
 }
 
 LinkState::Waiting LinkState::waiting(Time now) const {

@@ -91,7 +91,6 @@ class LinkState {
   void compare_clocks(const StatusSample& sample, TimeNs received_ns);
   void accept(KindStatistics* kind, std::size_t bytes, Inbound inbound);
   void reject_locked(const PeerId& from, const std::string& reason);
-  void note_progress(const PeerId& id, Time now);
   void change_peers(const std::function<void(PeerTable&)>& change);
   KindStatistics& statistics_of(Kind kind);
 
