@@ -13,12 +13,13 @@ void require(bool good, const std::string& complaint) {
   if (!good) throw std::runtime_error("link profile: " + complaint);
 }
 
-void check_topic(const std::string& name, const TopicProfile& topic) {
-  const bool reliable = topic.reliability == Reliability::kReliable;
+bool is_reliable(const TopicProfile& topic) { return topic.reliability == Reliability::kReliable; }
+
+void check_topic(const std::string& name, const TopicProfile& topic, bool offers_repair) {
   require(topic.depth > 0, name + ".depth is 0: nothing could be sent");
-  require(topic.history == History::kLast || reliable,
+  require(topic.history == History::kLast || is_reliable(topic),
           name + ".history all needs reliability: nobody would ever acknowledge");
-  require(!reliable || topic.lifespan_ms == 0 || topic.lifespan_ms > topic.heartbeat_ms,
+  require(!offers_repair || topic.lifespan_ms == 0 || topic.lifespan_ms > topic.heartbeat_ms,
           name + ".lifespan_ms is not above heartbeat_ms: it would expire before any repair");
   require(topic.liveliness_ms == 0 || topic.liveliness_ms >= 100,
           name + ".liveliness_ms is below 100: a busy processor would look like death");
@@ -35,11 +36,10 @@ void check_bucket(const std::string& name, int rate, int burst, int datagram_byt
 }  // namespace
 
 LinkProfile::LinkProfile() {
-  for (TopicProfile* topic : {&request, &message}) {
-    topic->heartbeat_ms = 50;
-    topic->nack_response_ms = 1;
-    topic->piggyback = true;
-  }
+  request.reliability = Reliability::kBestEffort;
+  request.heartbeat_ms = 50;
+  message.piggyback = true;
+  request.nack_response_ms = message.nack_response_ms = 1;
   request.depth = 8;
   request.lifespan_ms = 200;
   request.heartbeat_response_ms = 2;
@@ -53,12 +53,12 @@ LinkProfile::LinkProfile() {
 
 void check(const LinkProfile& profile) {
   const int datagram_bytes = profile.transport.datagram_bytes;
-  check_topic("request", profile.request);
-  check_topic("message", profile.message);
-  check_topic("full_message", profile.full_message);
-  check_topic("status", profile.status);
-  check_topic("odometry", profile.odometry);
-  require(profile.status.reliability == Reliability::kReliable && profile.status.late_joiners &&
+  check_topic("request", profile.request, true);  // whatever its own readers ask for
+  check_topic("message", profile.message, is_reliable(profile.message));
+  check_topic("full_message", profile.full_message, is_reliable(profile.full_message));
+  check_topic("status", profile.status, is_reliable(profile.status));
+  check_topic("odometry", profile.odometry, is_reliable(profile.odometry));
+  require(is_reliable(profile.status) && profile.status.late_joiners &&
               profile.status.liveliness_ms > 0,
           "status must be reliable, kept for late_joiners and watched by liveliness_ms: by it "
           "drones know who is there");

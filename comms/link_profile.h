@@ -12,7 +12,8 @@ namespace covey {
 enum class Reliability : std::uint8_t { kBestEffort, kReliable };
 enum class History : std::uint8_t { kLast, kAll };
 
-// Both ends of one topic. 0 ms: without such a limit.
+// Both ends of one topic. 0 ms: without such a limit. `reliability` of `request` is what this drone
+// asks of others: its own questions are repaired for whoever asks for it.
 struct TopicProfile {
   Reliability reliability = Reliability::kReliable;
   History history =

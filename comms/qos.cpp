@@ -235,6 +235,8 @@ dds::DataWriterQos writer_qos(Kind kind, const LinkConfig& config) {
   const TopicProfile& topic = topic_profile(kind, config.profile);
   dds::DataWriterQos qos;
   set_topic(topic, Room(), qos);
+  // Each reader of questions says whether it wants them repaired: profiles may be mixed.
+  if (kind == Kind::kRequest) qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
   set_publishing(topic, qos);
   // Own samples are of known size: no more is taken than each needs.
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;

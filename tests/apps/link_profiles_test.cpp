@@ -90,6 +90,7 @@ TEST(LinkProfiles, TheProfileThatOthersAreMadeFromSaysEverything) {
 TEST(LinkProfiles, LockstepLosesNothingAndHurriesNobody) {
   const LinkProfile profile = read_profile({"lockstep", "", {}}, "test");
   for (const TopicProfile& topic : {profile.request, profile.message, profile.full_message}) {
+    EXPECT_EQ(topic.reliability, Reliability::kReliable);
     EXPECT_EQ(topic.history, History::kAll);
     EXPECT_EQ(topic.lifespan_ms, 0);
     EXPECT_EQ(topic.flow_bytes, 0);

@@ -314,14 +314,42 @@ TEST(PeerLink, ASilentPeerIsMadeToAnswer) {
 }
 
 // The next heartbeat of the clock would come after the test.
-TEST(PeerLink, AQuestionIsAcknowledgedWithoutWaitingForAHeartbeat) {
-  LinkConfig config = team_config("uav0");
+LinkConfig config_for_questions(const std::string& agent, Reliability reliability) {
+  LinkConfig config = team_config(agent);
+  config.profile.request.reliability = reliability;
+  config.profile.request.piggyback = reliability == Reliability::kReliable;
   config.profile.request.heartbeat_ms = 200'000;
   config.profile.request.lifespan_ms = 0;
-  PeerLink asks(config), hears(team_config("uav1"));
+  return config;
+}
+
+TEST(PeerLink, AQuestionIsAcknowledgedWithoutWaitingForAHeartbeat) {
+  PeerLink asks(config_for_questions("uav0", Reliability::kReliable));
+  PeerLink hears(config_for_questions("uav1", Reliability::kReliable));
   ASSERT_TRUE(asks.wait_for_peers({"uav1"}, kPatience));
   ASSERT_TRUE(asks.send(samples::advert("uav0")));
   EXPECT_TRUE(asks.flush(kPatience));
+}
+
+// Without an offer to repair it, a question that had to be acknowledged never would be.
+TEST(PeerLink, NobodyAcknowledgesQuestionsThatNeedNoRepair) {
+  PeerLink asks(config_for_questions("uav0", Reliability::kBestEffort));
+  PeerLink hears(config_for_questions("uav1", Reliability::kBestEffort));
+  ASSERT_TRUE(asks.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(asks.send(samples::advert("uav0")));
+  EXPECT_TRUE(hears.wait_for_inbox({1, 0}, kPatience));
+  EXPECT_TRUE(asks.flush(kPatience));
+}
+
+TEST(PeerLink, WhoWantsQuestionsRepairedHearsWhoDoesNotAndTheOtherWayRound) {
+  PeerLink repairs(config_for_questions("uav0", Reliability::kReliable));
+  PeerLink does_not(config_for_questions("uav1", Reliability::kBestEffort));
+  ASSERT_TRUE(repairs.wait_for_peers({"uav1"}, kPatience));
+  ASSERT_TRUE(does_not.wait_for_peers({"uav0"}, kPatience));
+  ASSERT_TRUE(repairs.send(samples::advert("uav0")));
+  ASSERT_TRUE(does_not.send(samples::advert("uav1")));
+  EXPECT_TRUE(repairs.wait_for_inbox({1, 0}, kPatience));
+  EXPECT_TRUE(does_not.wait_for_inbox({1, 0}, kPatience));
 }
 
 TEST(PeerLink, TheSettingsTellHowManyOthersThereAre) {

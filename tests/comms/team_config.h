@@ -28,11 +28,13 @@ inline LinkConfig team_config(const std::string& agent) {
 inline LinkProfile lossless_profile() {
   LinkProfile out;
   for (TopicProfile* topic : {&out.request, &out.message, &out.full_message}) {
+    topic->reliability = Reliability::kReliable;
     topic->history = History::kAll;
     topic->depth = 256;
     topic->lifespan_ms = 0;
     topic->max_blocking_ms = 30'000;
   }
+  out.request.piggyback = true;
   out.load.drone_bytes_per_s = out.load.link_bytes_per_s = 0;
   out.status.liveliness_ms = out.discovery.lease_ms = 20'000;
   out.discovery.farewell_ms = 5000;
