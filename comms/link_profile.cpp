@@ -15,12 +15,16 @@ void require(bool good, const std::string& complaint) {
 
 bool is_reliable(const TopicProfile& topic) { return topic.reliability == Reliability::kReliable; }
 
-void check_topic(const std::string& name, const TopicProfile& topic, bool offers_repair) {
+void check_repair(const std::string& name, const TopicProfile& topic) {
+  require(topic.lifespan_ms == 0 || topic.lifespan_ms > topic.heartbeat_ms,
+          name + ".lifespan_ms is not above heartbeat_ms: it would expire before any repair");
+}
+
+void check_topic(const std::string& name, const TopicProfile& topic) {
   require(topic.depth > 0, name + ".depth is 0: nothing could be sent");
   require(topic.history == History::kLast || is_reliable(topic),
           name + ".history all needs reliability: nobody would ever acknowledge");
-  require(!offers_repair || topic.lifespan_ms == 0 || topic.lifespan_ms > topic.heartbeat_ms,
-          name + ".lifespan_ms is not above heartbeat_ms: it would expire before any repair");
+  if (is_reliable(topic)) check_repair(name, topic);
   require(topic.liveliness_ms == 0 || topic.liveliness_ms >= 100,
           name + ".liveliness_ms is below 100: a busy processor would look like death");
   require(topic.flow_bytes == 0 || topic.flow_bytes >= kMinFlowBytes,
@@ -53,11 +57,12 @@ LinkProfile::LinkProfile() {
 
 void check(const LinkProfile& profile) {
   const int datagram_bytes = profile.transport.datagram_bytes;
-  check_topic("request", profile.request, true);  // whatever its own readers ask for
-  check_topic("message", profile.message, is_reliable(profile.message));
-  check_topic("full_message", profile.full_message, is_reliable(profile.full_message));
-  check_topic("status", profile.status, is_reliable(profile.status));
-  check_topic("odometry", profile.odometry, is_reliable(profile.odometry));
+  check_topic("request", profile.request);
+  check_repair("request", profile.request);  // offered, whatever the own reader asks for
+  check_topic("message", profile.message);
+  check_topic("full_message", profile.full_message);
+  check_topic("status", profile.status);
+  check_topic("odometry", profile.odometry);
   require(is_reliable(profile.status) && profile.status.late_joiners &&
               profile.status.liveliness_ms > 0,
           "status must be reliable, kept for late_joiners and watched by liveliness_ms: by it "
