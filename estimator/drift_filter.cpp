@@ -310,31 +310,40 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   return outcome;
 }
 
-double DriftFilter::repetition(const Drone& drone, TimeNs own_stamp_ns) const {
-  constexpr double kShortest_s = 0.25;
-  if (drone.heard.empty()) return 1;
-  const auto later = drone.heard.lower_bound(own_stamp_ns);
-  double since_s = std::numeric_limits<double>::infinity();
-  if (later != drone.heard.end()) since_s = seconds_between(own_stamp_ns, later->first);
-  if (later != drone.heard.begin()) {
-    since_s = std::min(since_s, seconds_between(std::prev(later)->first, own_stamp_ns));
+DriftFilter::UsedPose DriftFilter::to_used(const RelativePose& measurement) {
+  const bool by_other = measurement.found_by_other;
+  const KeyframePose& seen = by_other ? measurement.own : measurement.other;
+  const KeyframePose& finder = by_other ? measurement.other : measurement.own;
+  return {by_other, seen.keyframe_id, finder.stamp_ns, measurement.own.stamp_ns};
+}
+
+// As for a long row of measurements whose errors are correlated: one, and twice the sum of the
+// correlations with those before.
+double DriftFilter::repetition(const Drone& drone, const UsedPose& pose) const {
+  double factor = 1;
+  for (const UsedPose& known : drone.used) {
+    if (known.found_by_other != pose.found_by_other) continue;
+    const bool same = known.landmarks_of == pose.landmarks_of;
+    const double apart_s = std::abs(seconds_between(known.found_ns, pose.found_ns));
+    factor += 2 * (same ? 1 : config_.other_landmarks_share) *
+              std::exp(-apart_s / config_.same_landmarks_s);
   }
-  return std::max(1.0, config_.same_corners_s / std::max(since_s, kShortest_s));
+  return factor;
 }
 
 // However often a peer answers, it sees the same corners: their errors do not average out.
-bool DriftFilter::said_enough(const Drone& drone, TimeNs own_stamp_ns) const {
-  const auto known = drone.heard.find(own_stamp_ns);
-  if (known != drone.heard.end()) return known->second >= kMostPerKeyframe;
-  const bool full = drone.heard.size() >= static_cast<std::size_t>(config_.max_keyframes);
-  return full && own_stamp_ns < drone.heard.begin()->first;
+bool DriftFilter::said_enough(const Drone& drone, const UsedPose& pose) const {
+  const auto known = std::count_if(drone.used.begin(), drone.used.end(), [&](const UsedPose& used) {
+    return used.found_by_other == pose.found_by_other && used.own_stamp_ns == pose.own_stamp_ns;
+  });
+  if (known > 0) return known >= kMostPerKeyframe;
+  const bool full = drone.used.size() >= static_cast<std::size_t>(config_.max_keyframes);
+  return full && pose.own_stamp_ns < drone.used.front().own_stamp_ns;
 }
 
-void DriftFilter::count_used(Drone& drone, TimeNs own_stamp_ns) {
-  ++drone.heard[own_stamp_ns];
-  if (drone.heard.size() > static_cast<std::size_t>(config_.max_keyframes)) {
-    drone.heard.erase(drone.heard.begin());
-  }
+void DriftFilter::count_used(Drone& drone, const UsedPose& pose) {
+  drone.used.push_back(pose);
+  if (drone.used.size() > static_cast<std::size_t>(config_.max_keyframes)) drone.used.pop_front();
 }
 
 double DriftFilter::unshared_scale_variance(const Node& from, const Node& to) {
@@ -415,8 +424,8 @@ DriftFilter::Linearised DriftFilter::linearise(const Sides& sides, const Relativ
 }
 
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
-  const TimeNs own_stamp_ns = measurement.own.stamp_ns;
-  if (said_enough(drones_[drone], own_stamp_ns)) return DriftOutcome::kRepeated;
+  const UsedPose pose = to_used(measurement);
+  if (said_enough(drones_[drone], pose)) return DriftOutcome::kRepeated;
   make_room();
   const DepthRatio* ratio = usable_ratio(measurement);
   const Sides sides = insert_sides(drone, measurement, ratio != nullptr);
@@ -429,7 +438,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
     model.r -= H * x_.segment<kSize>(block(index));
     PHt.noalias() += P.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix7d S = repetition(drones_[drone], own_stamp_ns) * model.noise;
+  Matrix7d S = repetition(drones_[drone], pose) * model.noise;
   for (const auto& [index, H] : model.terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
@@ -438,7 +447,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_.head(size()) += W.transpose() * cholesky.matrixL().solve(model.r);
   P.noalias() -= W.transpose() * W;
-  count_used(drones_[drone], own_stamp_ns);
+  count_used(drones_[drone], pose);
   return DriftOutcome::kUsed;
 }
 

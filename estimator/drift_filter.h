@@ -19,7 +19,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -42,9 +41,12 @@ struct DriftConfig {
   // that uncertain (standard deviations, added).
   double found_position_sigma_m = 0.001;  // m
   double found_angle_sigma = 1e-4;        // rad
-  // For about so long two drones that fly together see the same pairs of corners, and the errors of
-  // their relative poses are not new each time: more of them say no more.
-  double same_corners_s = 1.0;  // s
+  // Relative poses to the landmarks of one keyframe are wrong alike, the less the longer ago the
+  // other one saw them: exp(-time / same_landmarks_s). To landmarks of different keyframes of one
+  // drone they are wrong alike by this share of it, and not at all where the one drone has found
+  // the other's landmarks and the other the one's.
+  double same_landmarks_s = 2.0;  // s
+  double other_landmarks_share = 0.2;
   // Do all drones start in one world? If not, each peer's world is aligned first.
   bool common_start = true;
   // Depths are as wrong as the way on which they were measured, if that took so long: those of the
@@ -102,11 +104,18 @@ class DriftFilter {
     Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // m, where the alignment was found
     Matrix6d covariance = Matrix6d::Zero();           // at the pivot
   };
+  // What of a relative pose tells how much another one repeats it.
+  struct UsedPose {
+    bool found_by_other = false;
+    std::uint64_t landmarks_of = 0;  // keyframe
+    TimeNs found_ns = 0;             // stamp of the image in which they were found
+    TimeNs own_stamp_ns = 0;
+  };
   struct Drone {
     std::string name;
     World world;
     WorldVote vote;
-    std::map<TimeNs, int> heard;  // relative poses used, by the own keyframe's stamp; the newest
+    std::deque<UsedPose> used;  // the newest
   };
   // Indices of nodes; -1: none.
   struct Neighbours {
@@ -142,11 +151,12 @@ class DriftFilter {
   void reserve(Eigen::Index size);
   void make_room();
   void forget(int index);
+  [[nodiscard]] static UsedPose to_used(const RelativePose& measurement);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
-  [[nodiscard]] double repetition(const Drone& drone, TimeNs own_stamp_ns) const;
+  [[nodiscard]] double repetition(const Drone& drone, const UsedPose& pose) const;
   // Has the drone said all that is believed of it about this own keyframe?
-  [[nodiscard]] bool said_enough(const Drone& drone, TimeNs own_stamp_ns) const;
-  void count_used(Drone& drone, TimeNs own_stamp_ns);
+  [[nodiscard]] bool said_enough(const Drone& drone, const UsedPose& pose) const;
+  void count_used(Drone& drone, const UsedPose& pose);
   // Of the share by which depths measured on a way are wrong otherwise than the way itself.
   [[nodiscard]] static double unshared_scale_variance(const Node& from, const Node& to);
   // A keyframe of a relative pose in the state, and the one since which its drone measured depths.

@@ -226,6 +226,34 @@ TEST(DriftFilter, WhatAPeerHasFoundIsAsLongAsOwnDepthsHaveIt) {
   EXPECT_GT(found(0.997), found(1) + 1e-5);
 }
 
+// Errors of depths last: the same landmarks once more say little, those of another keyframe nearly
+// all that they would say alone, and what the peer has found of the own landmarks all of it.
+TEST(DriftFilter, WhatHasBeenSaidBeforeCountsLess) {
+  const Walk own = walk(1, 20, {0, 0, 0});
+  Walk other = walk(2, 20, {-0.3, 0, 0});
+  for (KeyframePose& pose : other.keyframes) pose.covariance *= 1e-4;
+  const auto just_after = [](KeyframePose pose) {
+    pose.keyframe_id += 100;
+    pose.stamp_ns += nanoseconds(0.1);
+    return pose;
+  };
+  const RelativePose first = relative(own, 12, other, 12, 3);
+  const auto position_variance_with = [&](const RelativePose& second) {
+    DriftFilter filter({}, "uav0");
+    EXPECT_EQ(filter.add(first), DriftOutcome::kUsed);
+    EXPECT_EQ(filter.add(second), DriftOutcome::kUsed);
+    return filter.covariance().topLeftCorner<3, 3>().trace();  // of the own keyframe, the first one
+  };
+  RelativePose same = relative(own, 12, other, 12, 4);
+  same.own = just_after(same.own);
+  RelativePose elsewhere = same;
+  elsewhere.other = just_after(elsewhere.other);
+  const RelativePose by_peer = found_by_peer(as_told(relative(other, 12, own, 12, 4), "uav1"),
+                                             own.keyframes[12], own.keyframes[6]);
+  EXPECT_GT(position_variance_with(same), 1.15 * position_variance_with(elsewhere));
+  EXPECT_GT(position_variance_with(elsewhere), 1.08 * position_variance_with(by_peer));
+}
+
 TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
