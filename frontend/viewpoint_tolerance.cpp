@@ -26,11 +26,11 @@ std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks
   return angles;
 }
 
-double ViewpointTolerance::tolerance() const { return std::sqrt(squared_angles_ / losses_); }
+double ViewpointTolerance::tolerance() const { return angles_ / losses_; }
 
 double ViewpointTolerance::expected_finds(const std::vector<double>& angles) const {
   return std::accumulate(angles.begin(), angles.end(), 0.0, [&](double sum, double angle) {
-    return sum + std::exp(-angle * angle * losses_ / squared_angles_);
+    return sum + std::exp(-angle * losses_ / angles_);
   });
 }
 
@@ -40,8 +40,7 @@ void ViewpointTolerance::learn(const std::vector<double>& angles, std::size_t fo
   const double hits = std::min(static_cast<double>(found), looked_for);
   const double share = (hits + 0.5) / (looked_for + 1);  // never none or all
   const double kept = std::exp(-looked_for / kMemory);
-  squared_angles_ =
-      std::inner_product(angles.begin(), angles.end(), angles.begin(), kept * squared_angles_);
+  angles_ = std::accumulate(angles.begin(), angles.end(), kept * angles_);
   losses_ = kept * losses_ - looked_for * std::log(share);
 }
 

@@ -2,7 +2,7 @@
 //
 // How many of a keyframe's landmarks will be found again from somewhere else, before they are sent
 // there. Landmarks look the less alike the larger the angle between the directions in which they
-// are seen: they are found with a chance of exp(-(angle / tolerance)^2). Bare ground allows larger
+// are seen: they are found with a chance of exp(-angle / tolerance). Bare ground allows larger
 // angles than what has edges, so the tolerance is learned from what is found.
 #pragma once
 
@@ -51,8 +51,8 @@ class ViewpointTolerance {
  private:
   // Sums over landmarks; a loss is -log of the share that is found. At first a guess, worth a few
   // landmarks and rather large: what is not answered is not learned from.
-  double squared_angles_ = 3;  // rad^2
-  double losses_ = squared_angles_ / (0.7 * 0.7);
+  double angles_ = 3;  // rad
+  double losses_ = angles_ / 1.2;
 };
 
 }  // namespace covey

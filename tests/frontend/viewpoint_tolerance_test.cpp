@@ -13,7 +13,7 @@ namespace {
 
 // What a place of this tolerance lets a drone find of landmarks that are all seen under one angle.
 void see(ViewpointTolerance& place, double tolerance, double angle, std::size_t landmarks = 1000) {
-  const double share = std::exp(-angle * angle / (tolerance * tolerance));
+  const double share = std::exp(-angle / tolerance);
   place.learn(std::vector<double>(landmarks, angle),
               static_cast<std::size_t>(std::lround(share * static_cast<double>(landmarks))));
 }
