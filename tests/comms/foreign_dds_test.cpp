@@ -131,7 +131,10 @@ bool say(dds::DataWriter* writer, Bytes bytes) {
 }
 
 TEST(ForeignDds, BrokenSamplesAreCountedAndTheLinkGoesOn) {
-  PeerLink link(team_config("uav0"));
+  LinkConfig config = team_config("uav0");
+  config.profile =
+      lossless_profile();  // one that comes before the link knows the writer is repaired
+  PeerLink link(config);
   Stranger stranger;
   dds::DataWriter* writer = stranger.writer(Kind::kMessage, stranger.topic("request"),
                                             "covey::wire::RequestUAV", kMaxRequestBytes);
