@@ -131,9 +131,9 @@ bool say(dds::DataWriter* writer, Bytes bytes) {
 }
 
 TEST(ForeignDds, BrokenSamplesAreCountedAndTheLinkGoesOn) {
+  // A sample may come before the link knows its writer: then it is repaired.
   LinkConfig config = team_config("uav0");
-  config.profile =
-      lossless_profile();  // one that comes before the link knows the writer is repaired
+  config.profile = lossless_profile();
   PeerLink link(config);
   Stranger stranger;
   dds::DataWriter* writer = stranger.writer(Kind::kMessage, stranger.topic("request"),
