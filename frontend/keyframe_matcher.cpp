@@ -5,6 +5,8 @@
 #include <iterator>
 #include <utility>
 
+#include "frontend/viewpoint_tolerance.h"
+
 namespace covey {
 namespace {
 
@@ -58,6 +60,12 @@ Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& oth
       Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   T_own_other_world.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
   return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
+}
+
+template <typename Search>
+std::size_t number_found(const std::vector<Search>& searches) {
+  return static_cast<std::size_t>(std::count_if(searches.begin(), searches.end(),
+                                                [](const Search& search) { return search.found; }));
 }
 
 Eigen::Matrix2d alike_in_both(double sigma) { return sigma * sigma * Eigen::Matrix2d::Identity(); }
@@ -167,16 +175,13 @@ VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
 
 // By what the landmarks look like, where the other's pose says they must be. Chance finds scatter
 // over the whole reach of the search, so they have to agree much better than that.
-VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own, const PeerKeyframe& other,
-                                                    const std::vector<PeerLandmark>& landmarks,
-                                                    const std::vector<PeerPoint>& points) const {
-  const std::optional<Eigen::Isometry3d> world = world_of(other.sender);
-  if (!world) return {};
-  const Eigen::Isometry3d T_other_own =
-      (*world * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
+VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
+                                                    const std::vector<PeerPoint>& points,
+                                                    const std::vector<Search>& searches) const {
   std::vector<Correspondence> correspondences;
-  for (const FoundLandmark& found : look_for(own.pose.keyframe_id, other, landmarks, T_other_own)) {
-    correspondences.push_back({points[found.landmark].p_world, found.patch.bearing});
+  for (std::size_t i = 0; i < searches.size(); ++i) {
+    if (!searches[i].found) continue;
+    correspondences.push_back({points[i].p_world, searches[i].found->bearing});
   }
   VerificationConfig config = config_.verification;
   config.inlier_px = config_.in_place_px;
@@ -192,7 +197,12 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
       usable_landmarks(other.landmarks, config_.max_relative_sigma);
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
-  VerificationResult result = verify_in_place(own, other, landmarks, points);
+  std::vector<Search> searches;
+  if (const std::optional<Eigen::Isometry3d> world = world_of(other.sender)) {
+    const Eigen::Isometry3d T_expected = (*world * other.pose.T_world_cam).inverse() * T_world_cam;
+    searches = look_for(own.pose.keyframe_id, other, landmarks, T_expected, {});
+  }
+  VerificationResult result = verify_in_place(own, points, searches);
   const bool in_place = result.verified.has_value();
   if (!in_place && other.described) result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
@@ -201,9 +211,9 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   const auto match_in_reach = other.described ? match_guided : match_nearest;
   const std::vector<IndexPair> pairs = match_in_reach(
       T_world_cam, result.verified->offset, features, points, focal_length_px_, config_.guided);
-  const std::vector<FoundLandmark> found =
-      look_for(own.pose.keyframe_id, other, landmarks, T_other_own);
-  if ((in_place ? found.size() : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
+  searches = look_for(own.pose.keyframe_id, other, landmarks, T_other_own, std::move(searches));
+  const std::size_t found = number_found(searches);
+  if ((in_place ? found : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
     return NoMatch{NoMatchReason::kTooFewMatches};
   }
   // What a landmark is next to is as far away.
@@ -232,31 +242,43 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
     match.matches.push_back(seen(feature.track_id, feature.bearing, corner, pair.peer));
   }
   const double scale = config_.aligned_scale;
-  for (const FoundLandmark& one : found) {
-    const Eigen::Matrix2d claimed = scale * scale * one.patch.covariance;
-    match.aligned.push_back(seen(0, one.patch.bearing, aligned + claimed, one.landmark));
+  match.aligned.reserve(found);
+  for (std::size_t i = 0; i < searches.size(); ++i) {
+    if (!searches[i].found) continue;
+    const FoundPatch& patch = *searches[i].found;
+    const Eigen::Matrix2d claimed = scale * scale * patch.covariance;
+    match.aligned.push_back(seen(0, patch.bearing, aligned + claimed, i));
   }
   return match;
 }
 
-std::vector<KeyframeMatcher::FoundLandmark> KeyframeMatcher::look_for(
+std::vector<KeyframeMatcher::Search> KeyframeMatcher::look_for(
     std::uint64_t own_keyframe, const PeerKeyframe& other,
-    const std::vector<PeerLandmark>& landmarks, const Eigen::Isometry3d& T_other_own) const {
-  std::vector<FoundLandmark> found;
+    const std::vector<PeerLandmark>& landmarks, const Eigen::Isometry3d& T_other_own,
+    std::vector<Search> searches) const {
+  constexpr double kNearly_px = 1.0;  // well within the reach of a search
   const auto image = std::find_if(images_.rbegin(), images_.rend(),
                                   [&](const auto& known) { return known.first == own_keyframe; });
-  if (image == images_.rend()) return found;
+  searches.resize(landmarks.size());
+  if (image == images_.rend()) return searches;
   const Eigen::Vector3d up = other.pose.T_world_cam.linear().row(2);
+  const Eigen::Isometry3d T_own_other = T_other_own.inverse();
   for (std::size_t i = 0; i < landmarks.size(); ++i) {
     const PeerLandmark& landmark = landmarks[i];
-    if (landmark.patch == LandmarkPatch{}) continue;
+    const Eigen::Vector3d p_own = T_own_other * position_of(landmark);
+    const Search before = std::exchange(searches[i], {});
+    if (landmark.patch == LandmarkPatch{} || !(p_own.z() > 0)) continue;
+    const Eigen::Vector2d expected = p_own.hnormalized();
+    if (before.expected && (expected - *before.expected).norm() * focal_length_px_ < kNearly_px) {
+      searches[i] = before;
+      continue;
+    }
     const SeenLandmark seen{landmark.bearing, landmark.inverse_depth, &landmark.patch,
                             other.patch_spacing, up};
-    const auto patch =
-        find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch);
-    if (patch) found.push_back({i, *patch});
+    searches[i] = {expected,
+                   find_landmark_patch(image->second, camera_, seen, T_other_own, config_.patch)};
   }
-  return found;
+  return searches;
 }
 
 }  // namespace covey

@@ -103,18 +103,19 @@ class KeyframeMatcher {
                                                            const PeerKeyframe& other) const;
 
  private:
-  // A landmark of the other one, by index, and where it is in the own image.
-  struct FoundLandmark {
-    std::size_t landmark = 0;
-    FoundPatch patch;
+  // Where a landmark of the other one was looked for in the own image, and what was found there.
+  struct Search {
+    std::optional<Eigen::Vector2d> expected;  // bearing; none: not looked for
+    std::optional<FoundPatch> found;
   };
-  [[nodiscard]] std::vector<FoundLandmark> look_for(std::uint64_t own_keyframe,
-                                                    const PeerKeyframe& other,
-                                                    const std::vector<PeerLandmark>& landmarks,
-                                                    const Eigen::Isometry3d& T_other_own) const;
-  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own, const PeerKeyframe& other,
-                                                   const std::vector<PeerLandmark>& landmarks,
-                                                   const std::vector<PeerPoint>& points) const;
+  // One for each landmark; `searches` that were made already nearly there are kept.
+  [[nodiscard]] std::vector<Search> look_for(std::uint64_t own_keyframe, const PeerKeyframe& other,
+                                             const std::vector<PeerLandmark>& landmarks,
+                                             const Eigen::Isometry3d& T_other_own,
+                                             std::vector<Search> searches) const;
+  [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own,
+                                                   const std::vector<PeerPoint>& points,
+                                                   const std::vector<Search>& searches) const;
   [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
                                                 const std::vector<OwnFeature>& features,
                                                 const std::vector<PeerPoint>& points) const;

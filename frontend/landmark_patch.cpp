@@ -32,11 +32,11 @@ using Waves = Eigen::Matrix<float, kWaves, 1>;
 using Gradient = Eigen::Matrix<float, kWaves, 2>;
 using Basis = Eigen::Matrix<float, kWaves, kSide * kSide>;
 
-float bilinear(const cv::Mat& image, const Eigen::Vector2d& pixel) {
-  const int x = static_cast<int>(pixel.x()), y = static_cast<int>(pixel.y());
-  const auto fx = static_cast<float>(pixel.x() - x), fy = static_cast<float>(pixel.y() - y);
-  const std::uint8_t* top = image.ptr<std::uint8_t>(y) + x;
-  const std::uint8_t* bottom = image.ptr<std::uint8_t>(y + 1) + x;
+float bilinear(const cv::Mat& image, float across, float down) {
+  const int x = static_cast<int>(across), y = static_cast<int>(down);
+  const float fx = across - static_cast<float>(x), fy = down - static_cast<float>(y);
+  const std::uint8_t* top = image.data + static_cast<std::size_t>(y) * image.step[0] + x;
+  const std::uint8_t* bottom = top + image.step[0];
   const auto between = [](float a, float b, float f) { return a + f * (b - a); };
   return between(between(top[0], top[1], fx), between(bottom[0], bottom[1], fx), fy);
 }
@@ -46,10 +46,14 @@ Eigen::Matrix<float, Side, Side, Eigen::RowMajor> sample(const cv::Mat& image,
                                                          const PatchPlace& grid) {
   Eigen::Matrix<float, Side, Side, Eigen::RowMajor> samples;
   constexpr double kMiddle = (Side - 1) / 2.0;
+  const Eigen::Vector2f first =
+      (grid.pixel - kMiddle * (grid.affine.col(0) + grid.affine.col(1))).cast<float>();
+  const Eigen::Matrix2f step = grid.affine.cast<float>();
   for (int row = 0; row < Side; ++row) {
+    const Eigen::Vector2f begin = first + static_cast<float>(row) * step.col(1);
     for (int column = 0; column < Side; ++column) {
-      const Eigen::Vector2d at(column - kMiddle, row - kMiddle);
-      samples(row, column) = bilinear(image, grid.pixel + grid.affine * at);
+      const Eigen::Vector2f at = begin + static_cast<float>(column) * step.col(0);
+      samples(row, column) = bilinear(image, at.x(), at.y());
     }
   }
   return samples;
@@ -143,38 +147,67 @@ Look look_at(const cv::Mat& image, const PatchPlace& grid) {
   return look;
 }
 
+// How the waves change with the place, but for what another gain would do to them.
+struct Slope {
+  Gradient gradient;
+  Eigen::Matrix2d inverse_hessian = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  // where it was taken
+};
+
+std::optional<Slope> slope_of(const Waves& patch, const Look& look, const Eigen::Vector2d& pixel) {
+  constexpr float kMinTexture = 2e-3F;  // an edge or nothing cannot be found
+  Slope slope;
+  slope.gradient = look.gradient - patch * (patch.transpose() * look.gradient).eval();
+  const Eigen::Matrix2f hessian = slope.gradient.transpose() * slope.gradient;
+  const float energy = look.waves.squaredNorm();
+  if (!(std::sqrt(hessian.determinant()) > kMinTexture * energy)) return std::nullopt;
+  slope.inverse_hessian = hessian.inverse().cast<double>();
+  slope.pixel = pixel;
+  return slope;
+}
+
 struct Fit {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   double correlation = 0;
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // px^2
 };
 
+// How far from where it is expected something may be found, px of one level.
+struct Reach {
+  Eigen::Vector2d expected = Eigen::Vector2d::Zero();
+  double max_shift = 0;
+};
+
 // Only in the waves that were sent: of the others nothing is known, and they would pull at those.
 // What the patch would look like with another gain is taken out of both sides.
 std::optional<Fit> align(const Waves& patch, const cv::Mat& image, PatchPlace grid,
-                         double max_shift_px) {
-  constexpr float kMinTexture = 2e-3F;  // an edge or nothing cannot be found
-  constexpr int kSpent = 3;             // waves, on gain and place
-  const Eigen::Vector2d start = grid.pixel;
+                         const Reach& reach) {
+  constexpr double kSameSlope_px = 0.2;  // nearer than that the slope is as good as the same
+  constexpr int kSpent = 3;              // waves, on gain and place
+  std::optional<Slope> slope;
   for (int i = 0; i < kMaxIterations; ++i) {
     if (!inside(image, grid, 0.5 * (kSide + 2))) return std::nullopt;
-    Look look = look_at(image, grid);
-    const float energy = look.waves.squaredNorm(), product = patch.dot(look.waves);
+    Waves waves;
+    if (slope && (grid.pixel - slope->pixel).norm() < kSameSlope_px) {
+      waves = waves_of(sample<kSide>(image, grid));
+    } else {
+      const Look look = look_at(image, grid);
+      slope = slope_of(patch, look, grid.pixel);
+      if (!slope) return std::nullopt;
+      waves = look.waves;
+    }
+    const float energy = waves.squaredNorm(), product = patch.dot(waves);
     if (!(product > 0)) return std::nullopt;
-    look.waves -= product * patch;
-    look.gradient -= patch * (patch.transpose() * look.gradient).eval();
-    const Eigen::Matrix2f hessian = look.gradient.transpose() * look.gradient;
-    if (!(std::sqrt(hessian.determinant()) > kMinTexture * energy)) return std::nullopt;
-    const Eigen::Matrix2d inverse_hessian = hessian.inverse().cast<double>();
+    waves -= product * patch;
     const Eigen::Vector2d step =
-        -inverse_hessian * (look.gradient.transpose() * look.waves).cast<double>();
+        -slope->inverse_hessian * (slope->gradient.transpose() * waves).cast<double>();
     const Eigen::Vector2d pixel = grid.pixel, moved = grid.affine * step;
     grid.pixel += moved;
-    if (!((grid.pixel - start).norm() < max_shift_px)) return std::nullopt;
+    if (!((grid.pixel - reach.expected).norm() < reach.max_shift)) return std::nullopt;
     if (moved.norm() < kConverged_px) {
-      const double rest = look.waves.squaredNorm() / (kWaves - kSpent);
+      const double rest = waves.squaredNorm() / (kWaves - kSpent);
       return Fit{pixel, product / std::sqrt(energy),
-                 rest * grid.affine * inverse_hessian * grid.affine.transpose()};
+                 rest * grid.affine * slope->inverse_hessian * grid.affine.transpose()};
     }
   }
   return std::nullopt;
@@ -234,20 +267,21 @@ std::optional<PatchPlace> place_on(const SeenLandmark& seen, const Sight& sight,
   return place;
 }
 
-// Aligned on the level whose pixels lie about as far apart as the samples; in px of the image
-// itself.
+// Aligned on the level whose pixels lie about as far apart as the samples, from where another
+// surface was found `before`, if one was; in px of the image itself.
 std::optional<Fit> find(const Waves& patch, const ImagePyramid& image, PatchPlace place,
-                        const PatchSearchConfig& config) {
+                        const std::optional<Fit>& before, const PatchSearchConfig& config) {
   // Seen from nearer by, the samples lie far apart: a coarser image fits them.
   const double apart = std::sqrt(std::abs(place.affine.determinant()));
   const int coarsest = static_cast<int>(image.levels.size()) - 1;
   const int level =
       std::clamp(static_cast<int>(std::lround(std::log2(apart / config.spacing_px))), 0, coarsest);
   const double scale = 1 << level;
-  place.pixel /= scale;
+  const Reach reach{place.pixel / scale, config.max_shift_px / scale};
+  place.pixel = (before ? before->pixel : place.pixel) / scale;
   place.affine /= scale;
-  std::optional<Fit> fit = align(patch, image.levels[static_cast<std::size_t>(level)], place,
-                                 config.max_shift_px / scale);
+  std::optional<Fit> fit =
+      align(patch, image.levels[static_cast<std::size_t>(level)], place, reach);
   if (!fit || fit->correlation < config.min_correlation) return std::nullopt;
   fit->pixel *= scale;
   fit->covariance *= scale * scale;
@@ -282,7 +316,7 @@ std::optional<FoundPatch> find_landmark_patch(const ImagePyramid& image,
   for (const Eigen::Vector3d& normal : surfaces_of(seen)) {
     const std::optional<PatchPlace> place = place_on(seen, *sight, T_own_other, normal);
     if (!place) continue;
-    const std::optional<Fit> fit = find(*patch, image, *place, config);
+    const std::optional<Fit> fit = find(*patch, image, *place, best, config);
     if (fit && (!best || fit->correlation > best->correlation)) best = fit;
   }
   if (!best) return std::nullopt;

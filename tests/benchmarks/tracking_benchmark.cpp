@@ -7,6 +7,7 @@
 #include <opencv2/core/utility.hpp>
 #include <vector>
 
+#include "frontend/landmark_patch.h"
 #include "frontend/orb.h"
 #include "frontend/tracker.h"
 #include "tests/frontend/euroc_camera.h"
@@ -154,6 +155,41 @@ void AlignAPatch(benchmark::State& state) {
   }
 }
 BENCHMARK(AlignAPatch)->Arg(1)->Arg(2)->Arg(4)->Unit(benchmark::kMicrosecond);
+
+// Corners of the first image, seen from farther aside; the other drone's pose is known to within a
+// pixel or two.
+void FindALandmark(benchmark::State& state) {
+  const CameraIntrinsics camera = euroc_camera();
+  const PatchSearchConfig config;
+  const double spacing = config.spacing_px / mean_focal_length_px(camera);
+  const testing_view::SlantedPlane scene(camera);
+  const CameraPose &other = recording().poses[0], &own = recording().poses[12];
+  const ImagePyramid pyramid =
+      build_pyramid(recording().images[12], TrackerConfig().pyramid_levels);
+  std::vector<LandmarkPatch> patches;
+  std::vector<SeenLandmark> landmarks;
+  for (const Eigen::Vector2d& corner : corners_of_first_image()) {
+    const Eigen::Vector2d bearing = unproject(camera, corner).value_or(Eigen::Vector2d::Zero());
+    const auto patch = cut_landmark_patch(recording().images[0], camera, bearing, spacing);
+    if (!patch) continue;
+    patches.push_back(*patch);
+    const Eigen::Vector3d p_other =
+        other.R_world_cam.transpose() * (scene.point(other, bearing) - other.p_world_cam);
+    landmarks.push_back({bearing, 1 / p_other.z(), nullptr, spacing});
+  }
+  for (std::size_t i = 0; i < patches.size(); ++i) landmarks[i].patch = &patches[i];
+  Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();
+  T_other_own.linear() = other.R_world_cam.transpose() * own.R_world_cam;
+  T_other_own.translation() = other.R_world_cam.transpose() * (own.p_world_cam - other.p_world_cam);
+  T_other_own.translation().x() += 0.01;
+  std::size_t i = 0, found = 0;
+  for (auto _ : state) {
+    const SeenLandmark& landmark = landmarks[i++ % landmarks.size()];
+    found += find_landmark_patch(pyramid, camera, landmark, T_other_own, config) ? 1U : 0U;
+  }
+  state.counters["found"] = static_cast<double>(found) / static_cast<double>(i);
+}
+BENCHMARK(FindALandmark)->Unit(benchmark::kMicrosecond);
 
 void RejectOutliers(benchmark::State& state) {
   const CameraIntrinsics camera = euroc_camera();
