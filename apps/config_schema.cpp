@@ -281,6 +281,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");
   v.number("resend_interval_s", c.limiter.resend_interval_s, {0, 1e4},
            "[s] same keyframe to one peer");
+  v.flag("pictures_always", c.pictures_always,
+         "landmarks go with pictures in exchanges 'paper' and 'naive' as well; the paper has none");
   v.flag("tell_found", c.tell_found, "who has answered is told what came of it");
   v.count("max_peers", c.limiter.max_peers, {1, 1000}, "that get answers");
   v.number("loop_min_age_s", c.loop_min_age_s, {0, 1e6}, "[s] of an own keyframe to return to");

@@ -215,8 +215,8 @@ std::optional<PeerKeyframe> Collaborator::announcement() const {
   return told(*newest, landmarks);
 }
 
-PeerKeyframe Collaborator::told(const Keyframe& keyframe,
-                                const std::vector<KeyframeFeature>& landmarks) const {
+PeerKeyframe Collaborator::as_seen(const Keyframe& keyframe,
+                                   const std::vector<KeyframeFeature>& landmarks) const {
   return {config_.agent,
           "",
           0,
@@ -226,6 +226,16 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
           true,
           to_peer_landmarks(landmarks),
           {}};
+}
+
+PeerKeyframe Collaborator::told(const Keyframe& keyframe,
+                                const std::vector<KeyframeFeature>& landmarks) const {
+  PeerKeyframe message = as_seen(keyframe, landmarks);
+  if (config_.exchange != ExchangeMode::kCompact && !config_.pictures_always) {
+    message.patch_spacing = 0;
+    for (PeerLandmark& landmark : message.landmarks) landmark.patch = {};
+  }
+  return message;
 }
 
 PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
@@ -285,7 +295,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   }
   const auto left_behind = [&](const Keyframe& old) {
     const auto landmarks = landmarks_of(old, config_.matching.max_relative_sigma);
-    return told(old, lost_since(landmarks, *newest));
+    return as_seen(old, lost_since(landmarks, *newest));
   };
   for (const Candidate& candidate : nearest.take()) {
     std::optional<KeyframeMatch> match = candidate.peer

@@ -79,6 +79,9 @@ struct CollaboratorConfig {
   double answer_max_difference = 3.0;  // between the views, as far as they are sure
   int min_landmarks = 8;               // with an estimate, or a keyframe is not worth sending
 
+  // Do landmarks go with pictures in the exchanges of the paper as well, where it has none?
+  bool pictures_always = false;
+
   // Whether who has answered is told what came of it, in the compact exchange.
   bool tell_found = true;
 
@@ -188,6 +191,9 @@ class Collaborator {
                                                              const PeerKeyframe& other) const;
   [[nodiscard]] bool may_be_another_place(const PeerKeyframe& other,
                                           const KeyframeMatch& match) const;
+  // A keyframe with all that is known of its landmarks.
+  [[nodiscard]] PeerKeyframe as_seen(const Keyframe& keyframe,
+                                     const std::vector<KeyframeFeature>& landmarks) const;
   // A keyframe as a peer is told it; the receiver and what it answers are left to fill in.
   [[nodiscard]] PeerKeyframe told(const Keyframe& keyframe,
                                   const std::vector<KeyframeFeature>& landmarks) const;

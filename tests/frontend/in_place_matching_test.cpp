@@ -4,6 +4,7 @@
 // descriptors, which are drawn at random here, match all the same.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 
 #include "estimator/so3.h"
@@ -132,6 +133,31 @@ TEST(InPlaceMatching, ABriefAnswerIsFoundInItsPlaceOrNotAtAll) {
   };
   EXPECT_TRUE(found(Eigen::Isometry3d::Identity()));
   EXPECT_FALSE(found(far_world()));
+}
+
+TEST(InPlaceMatching, MessagesOfThePaperHaveNoPictures) {
+  const SlantedPlane wall(small_camera());
+  const auto told = [&](ExchangeMode exchange, bool pictures_always) {
+    CollaboratorConfig config;
+    config.exchange = exchange;
+    config.pictures_always = pictures_always;
+    Collaborator drone(config, visual_vocabulary(), small_camera());
+    look(drone, wall, {}, Eigen::Isometry3d::Identity(), 1);
+    return drone.announcement().value();
+  };
+  const auto has_picture = [](const PeerLandmark& landmark) {
+    return landmark.patch != LandmarkPatch{};
+  };
+  for (const ExchangeMode exchange : {ExchangeMode::kPaper, ExchangeMode::kNaive}) {
+    const PeerKeyframe as_published = told(exchange, false), with_ours = told(exchange, true);
+    EXPECT_EQ(as_published.patch_spacing, 0);
+    EXPECT_FALSE(
+        std::any_of(as_published.landmarks.begin(), as_published.landmarks.end(), has_picture));
+    EXPECT_GT(with_ours.patch_spacing, 0);
+    EXPECT_TRUE(std::any_of(with_ours.landmarks.begin(), with_ours.landmarks.end(), has_picture));
+    EXPECT_EQ(as_published.landmarks.size(), with_ours.landmarks.size());
+  }
+  EXPECT_GT(told(ExchangeMode::kCompact, false).patch_spacing, 0);
 }
 
 TEST(InPlaceMatching, WithoutACommonStartNothingIsExpectedUntilTheWorldIsKnown) {
