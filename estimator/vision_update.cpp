@@ -17,7 +17,7 @@ constexpr int kGatedUntilDropped = 3;
 constexpr double kMaxBearingDepthError = 0.5;  // beyond it bearing noise alone hides the depth
 
 // The start: iterations, when it has converged, and when it is believed.
-constexpr int kStartIterations = 8;
+constexpr int kStartIterations = 8, kGlimpseIterations = 20;
 constexpr double kStartConverged = 1e-3;  // m and rad, largest change
 constexpr int kMinStartTracks = 20;
 constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared residuals
@@ -28,7 +28,8 @@ constexpr double kStartOutlier = 3.0;         // root mean square of a track's r
 // less of the motion than there is to see), how much that differs from place to place (factor e),
 // and how much single depths differ from the others.
 constexpr double kFarDepth_m = 20.0, kDepthSpread = 1.0, kRelief = 0.5;
-// Median of tracks' mean squared residuals: where they disagree more, single depths matter.
+constexpr double kMaxLogStep = 1;  // of the common depth, at once
+// Median of tracks' mean squared residuals: where they disagree more, it has gone astray.
 constexpr double kMaxGlimpseResidual = 1.25;
 
 int window_columns(const State& state) {
@@ -197,25 +198,43 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
 }
 
 // One row more: of rho = (1 + e) rho_common, e ~ N(0, kRelief^2).
-bool VisionUpdate::linearize_at_depth(const State& state, const Track& track, double depth,
-                                      Linearized& result) {
+bool VisionUpdate::linearize_glimpsed(const State& state, const Track& track, double depth,
+                                      GlimpsedPoint& point, Linearized& result) {
   const int anchor_index = choose_anchor(state, track);
   if (anchor_index < 0 || track.observations.size() < 2) return false;
   const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
-  const Eigen::Vector2d& bearing = track.find(anchor.id)->bearing;
-  const Eigen::Vector3d in_anchor(bearing.x(), bearing.y(), 1 / depth);
+  if (!point.known) {
+    point.in_anchor << track.find(anchor.id)->bearing, 1 / depth;
+    point.known = true;
+  }
   const Eigen::Vector3d p_world =
-      anchored_point(in_anchor, anchor.pose, state.extrinsics()).p_world;
+      anchored_point(point.in_anchor, anchor.pose, state.extrinsics()).p_world;
   if (!fill_rows(state, track, p_world, result)) return false;
   const int columns = window_columns(state);
+  const double ratio = point.in_anchor.z() * depth;
   H_track_.col(columns + 1).head(result.rows).setZero();
-  H_track_.row(result.rows).head(columns + 1).setZero();
-  H_track_(result.rows, columns + 1) = 1 / kRelief;
+  H_track_.row(result.rows).head(columns).setZero();
+  H_track_(result.rows, columns) = (1 - ratio) / kRelief;
+  H_track_(result.rows, columns + 1) = ratio / kRelief;
   H_feature_.row(result.rows) << 0, 0, depth / kRelief;
   ++result.rows;
   project_out_feature(H_feature_.topRows(result.rows),
                       H_track_.topLeftCorner(result.rows, columns + 2));
+  point.R = H_feature_.topRows<3>().triangularView<Eigen::Upper>();
+  point.rows = H_track_.topLeftCorner(3, columns + 2);
   return true;
+}
+
+// R df + H dx + h d(log depth) = r
+void VisionUpdate::GlimpsedPoint::move(const Eigen::VectorXd& window_step, double log_step) {
+  constexpr double kLeast = 0.3, kMost = 3;  // change of the inverse depth at once
+  if (rows.size() == 0) return;
+  const Eigen::Index columns = window_step.size();
+  const Eigen::Vector3d step = R.triangularView<Eigen::Upper>().solve(
+      rows.col(columns) - rows.leftCols(columns) * window_step - log_step * rows.col(columns + 1));
+  const double rho = in_anchor.z();
+  in_anchor += step;
+  in_anchor.z() = std::clamp(in_anchor.z(), kLeast * rho, kMost * rho);
 }
 
 VisionUpdate::Outcome VisionUpdate::examine(const State& state, const Track& track,
@@ -404,7 +423,8 @@ void VisionUpdate::augment_at_start(State& state, const std::vector<const Track*
 
 VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
                                                            const std::vector<const Track*>& tracks,
-                                                           double depth) {
+                                                           double depth,
+                                                           std::vector<GlimpsedPoint>& points) {
   const int columns = window_columns(state);
   stack_.row(0).head(columns + 2).setZero();
   stack_(0, columns) = std::log(kFarDepth_m / depth) / kDepthSpread;
@@ -413,9 +433,13 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
   StartQuality quality;
   std::vector<double> residuals;
   Linearized feature;
-  for (const Track* track : tracks) {
+  points.resize(tracks.size());
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (static_cast<int>(residuals.size()) == config_.max_msckf_features) break;
-    if (!linearize_at_depth(state, *track, depth, feature)) continue;
+    if (!linearize_glimpsed(state, *tracks[i], depth, points[i], feature)) {
+      points[i] = {};
+      continue;
+    }
     const int m = feature.rows - 3;
     const double squared = H_track_.col(columns).segment(3, m).squaredNorm();
     const double weight = std::min(1.0, kStartOutlier * kStartOutlier * m / squared);
@@ -445,29 +469,35 @@ VisionUpdate::DepthRow VisionUpdate::take_depth_out(int columns) {
   return taken;
 }
 
-// As the start, with the common depth beside the state.
+// As the start, with the common depth and the tracks' points beside the state. Points are kept from
+// one iteration to the next: taken for equally far each time, they make it run away where depths
+// differ by half.
 std::optional<State> VisionUpdate::glimpse(const State& state,
                                            const std::vector<const Track*>& tracks) {
   State current = state;
   current.forget_first_estimates();
   const int columns = window_columns(state);
+  std::vector<GlimpsedPoint> points;
   double depth = kFarDepth_m;
-  for (int i = 0; i < kStartIterations; ++i) {
-    if (stack_for_glimpse(current, tracks, depth).tracks < kMinStartTracks) return std::nullopt;
+  for (int i = 0; i < kGlimpseIterations; ++i) {
+    if (stack_for_glimpse(current, tracks, depth, points).tracks < kMinStartTracks) {
+      return std::nullopt;
+    }
     auto H = stack_.topLeftCorner(stack_rows_, columns);
     stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
     const DepthRow row = take_depth_out(columns);
     State next = state;
     if (!apply_stack(next)) return std::nullopt;
     next.forget_first_estimates();
-    const double log_step = (row.r - row.H.dot(next.window_minus(state))) / row.of_depth;
-    depth = std::clamp(depth * std::exp(std::clamp(log_step, -1.0, 1.0)), config_.min_depth,
-                       config_.max_depth);
-    const double change = next.window_minus(current).cwiseAbs().maxCoeff();
+    const double log_step = std::clamp((row.r - row.H.dot(next.window_minus(state))) / row.of_depth,
+                                       -kMaxLogStep, kMaxLogStep);
+    const Eigen::VectorXd step = next.window_minus(current);
+    for (GlimpsedPoint& point : points) point.move(step, log_step);
+    depth = std::clamp(depth * std::exp(log_step), config_.min_depth, config_.max_depth);
     current = next;
-    if (change < kStartConverged) break;
+    if (step.cwiseAbs().maxCoeff() < kStartConverged) break;
   }
-  const StartQuality quality = stack_for_glimpse(current, tracks, depth);
+  const StartQuality quality = stack_for_glimpse(current, tracks, depth, points);
   if (!(quality.median_squared_residual < kMaxGlimpseResidual)) return std::nullopt;
   return current;
 }

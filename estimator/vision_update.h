@@ -84,10 +84,19 @@ class VisionUpdate {
   // The rows before the feature is projected out.
   [[nodiscard]] bool fill_rows(const State& state, const Track& track,
                                const Eigen::Vector3d& p_world, Linearized& result);
+  // Before the start: a track's point, and what says how it moves with the window and the common
+  // depth: R df + H dx + h d(log depth) = r.
+  struct GlimpsedPoint {
+    bool known = false;
+    Eigen::Vector3d in_anchor = Eigen::Vector3d::Zero();  // x/z, y/z, 1/z in the anchor's camera
+    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+    Eigen::Matrix<double, 3, Eigen::Dynamic> rows;  // [H | r | h]
+    void move(const Eigen::VectorXd& window_step, double log_step);
+  };
   // Rows of a track whose depth is only known to be like that of the others; the last column is for
   // the logarithm of that common depth.
-  [[nodiscard]] bool linearize_at_depth(const State& state, const Track& track, double depth,
-                                        Linearized& result);
+  [[nodiscard]] bool linearize_glimpsed(const State& state, const Track& track, double depth,
+                                        GlimpsedPoint& point, Linearized& result);
   // The same, judged: is its depth known, does it agree with the state?
   Outcome examine(const State& state, const Track& track, double max_depth_error,
                   Linearized& result);
@@ -100,7 +109,7 @@ class VisionUpdate {
                                              const std::vector<const Track*>& tracks);
   [[nodiscard]] StartQuality stack_for_glimpse(const State& state,
                                                const std::vector<const Track*>& tracks,
-                                               double depth);
+                                               double depth, std::vector<GlimpsedPoint>& points);
   // of_depth * d(log depth) + H dx = r
   struct DepthRow {
     double of_depth = 0, r = 0;
