@@ -469,36 +469,62 @@ VisionUpdate::DepthRow VisionUpdate::take_depth_out(int columns) {
   return taken;
 }
 
-// As the start, with the common depth and the tracks' points beside the state. Points are kept from
-// one iteration to the next: taken for equally far each time, they make it run away where depths
-// differ by half.
+// Where single depths show, iterations must keep them: with all points put equally far again each
+// time they run away. Where they do not, they would be fitted to noise and the iterations not
+// settle.
 std::optional<State> VisionUpdate::glimpse(const State& state,
                                            const std::vector<const Track*>& tracks) {
+  std::optional<State> seen = glimpse(state, tracks, Points::kKept);
+  return seen ? seen : glimpse(state, tracks, Points::kEquallyFar);
+}
+
+// One iteration: from the prior, about the present iterate, whatever the common depth is. Leaves in
+// `log_step` how the common depth changes.
+bool VisionUpdate::step_glimpse(const State& state, State& current, double& log_step) {
+  const int columns = window_columns(state);
+  auto H = stack_.topLeftCorner(stack_rows_, columns);
+  stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
+  const DepthRow row = take_depth_out(columns);
+  State next = state;
+  if (!apply_stack(next)) return false;
+  next.forget_first_estimates();
+  log_step = std::clamp((row.r - row.H.dot(next.window_minus(state))) / row.of_depth, -kMaxLogStep,
+                        kMaxLogStep);
+  current = next;
+  return true;
+}
+
+// As the start, with the common depth beside the state.
+std::optional<State> VisionUpdate::glimpse(const State& state,
+                                           const std::vector<const Track*>& tracks, Points mode) {
   State current = state;
   current.forget_first_estimates();
-  const int columns = window_columns(state);
   std::vector<GlimpsedPoint> points;
-  double depth = kFarDepth_m;
-  for (int i = 0; i < kGlimpseIterations; ++i) {
+  double depth = kFarDepth_m, log_step = 0;
+  bool converged = false;
+  const int iterations = mode == Points::kKept ? kGlimpseIterations : kStartIterations;
+  for (int i = 0; i < iterations && !converged; ++i) {
+    if (mode == Points::kEquallyFar) points.clear();
     if (stack_for_glimpse(current, tracks, depth, points).tracks < kMinStartTracks) {
       return std::nullopt;
     }
-    auto H = stack_.topLeftCorner(stack_rows_, columns);
-    stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
-    const DepthRow row = take_depth_out(columns);
-    State next = state;
-    if (!apply_stack(next)) return std::nullopt;
-    next.forget_first_estimates();
-    const double log_step = std::clamp((row.r - row.H.dot(next.window_minus(state))) / row.of_depth,
-                                       -kMaxLogStep, kMaxLogStep);
-    const Eigen::VectorXd step = next.window_minus(current);
+    const State before = current;
+    if (!step_glimpse(state, current, log_step)) return std::nullopt;
+    const Eigen::VectorXd step = current.window_minus(before);
     for (GlimpsedPoint& point : points) point.move(step, log_step);
     depth = std::clamp(depth * std::exp(log_step), config_.min_depth, config_.max_depth);
-    current = next;
-    if (step.cwiseAbs().maxCoeff() < kStartConverged) break;
+    converged = step.cwiseAbs().maxCoeff() < kStartConverged;
   }
+  if (mode == Points::kKept && !converged) return std::nullopt;
+  if (mode == Points::kEquallyFar) points.clear();
   const StartQuality quality = stack_for_glimpse(current, tracks, depth, points);
   if (!(quality.median_squared_residual < kMaxGlimpseResidual)) return std::nullopt;
+  if (mode == Points::kEquallyFar) return current;
+  // Points that were fitted to noise claim more than there is to see: what is told, and how sure it
+  // is, comes from there as if all were equally far.
+  points.clear();
+  (void)stack_for_glimpse(current, tracks, depth, points);
+  if (!step_glimpse(state, current, log_step)) return std::nullopt;
   return current;
 }
 

@@ -110,6 +110,10 @@ class VisionUpdate {
   [[nodiscard]] StartQuality stack_for_glimpse(const State& state,
                                                const std::vector<const Track*>& tracks,
                                                double depth, std::vector<GlimpsedPoint>& points);
+  enum class Points { kKept, kEquallyFar };  // from one iteration to the next
+  [[nodiscard]] std::optional<State> glimpse(const State& state,
+                                             const std::vector<const Track*>& tracks, Points mode);
+  [[nodiscard]] bool step_glimpse(const State& state, State& current, double& log_step);
   // of_depth * d(log depth) + H dx = r
   struct DepthRow {
     double of_depth = 0, r = 0;
