@@ -203,10 +203,7 @@ bool VisionUpdate::linearize_glimpsed(const State& state, const Track& track, do
   const int anchor_index = choose_anchor(state, track);
   if (anchor_index < 0 || track.observations.size() < 2) return false;
   const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
-  if (!point.known) {
-    point.in_anchor << track.find(anchor.id)->bearing, 1 / depth;
-    point.known = true;
-  }
+  if (point.in_anchor.isZero()) point.in_anchor << track.find(anchor.id)->bearing, 1 / depth;
   const Eigen::Vector3d p_world =
       anchored_point(point.in_anchor, anchor.pose, state.extrinsics()).p_world;
   if (!fill_rows(state, track, p_world, result)) return false;
@@ -225,13 +222,13 @@ bool VisionUpdate::linearize_glimpsed(const State& state, const Track& track, do
   return true;
 }
 
-// R df + H dx + h d(log depth) = r
-void VisionUpdate::GlimpsedPoint::move(const Eigen::VectorXd& window_step, double log_step) {
+void VisionUpdate::GlimpsedPoint::move(const GlimpseStep& moved) {
   constexpr double kLeast = 0.3, kMost = 3;  // change of the inverse depth at once
   if (rows.size() == 0) return;
-  const Eigen::Index columns = window_step.size();
+  const Eigen::Index columns = moved.window.size();
   const Eigen::Vector3d step = R.triangularView<Eigen::Upper>().solve(
-      rows.col(columns) - rows.leftCols(columns) * window_step - log_step * rows.col(columns + 1));
+      rows.col(columns) - rows.leftCols(columns) * moved.window -
+      moved.log_depth * rows.col(columns + 1));
   const double rho = in_anchor.z();
   in_anchor += step;
   in_anchor.z() = std::clamp(in_anchor.z(), kLeast * rho, kMost * rho);
@@ -478,20 +475,20 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
   return seen ? seen : glimpse(state, tracks, Points::kEquallyFar);
 }
 
-// One iteration: from the prior, about the present iterate, whatever the common depth is. Leaves in
-// `log_step` how the common depth changes.
-bool VisionUpdate::step_glimpse(const State& state, State& current, double& log_step) {
-  const int columns = window_columns(state);
+// One iteration: from the prior, about the present iterate, whatever the common depth is.
+std::optional<VisionUpdate::GlimpseStep> VisionUpdate::step_glimpse(const State& prior,
+                                                                    State& current) {
+  const int columns = window_columns(prior);
   auto H = stack_.topLeftCorner(stack_rows_, columns);
-  stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
+  stack_.col(columns).head(stack_rows_) += H * current.window_minus(prior);
   const DepthRow row = take_depth_out(columns);
-  State next = state;
-  if (!apply_stack(next)) return false;
+  State next = prior;
+  if (!apply_stack(next)) return std::nullopt;
   next.forget_first_estimates();
-  log_step = std::clamp((row.r - row.H.dot(next.window_minus(state))) / row.of_depth, -kMaxLogStep,
-                        kMaxLogStep);
-  current = next;
-  return true;
+  const double log_depth = (row.r - row.H.dot(next.window_minus(prior))) / row.of_depth;
+  GlimpseStep step{next.window_minus(current), std::clamp(log_depth, -kMaxLogStep, kMaxLogStep)};
+  current = std::move(next);
+  return step;
 }
 
 // As the start, with the common depth beside the state.
@@ -500,7 +497,7 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
   State current = state;
   current.forget_first_estimates();
   std::vector<GlimpsedPoint> points;
-  double depth = kFarDepth_m, log_step = 0;
+  double depth = kFarDepth_m;
   bool converged = false;
   const int iterations = mode == Points::kKept ? kGlimpseIterations : kStartIterations;
   for (int i = 0; i < iterations && !converged; ++i) {
@@ -508,12 +505,11 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
     if (stack_for_glimpse(current, tracks, depth, points).tracks < kMinStartTracks) {
       return std::nullopt;
     }
-    const State before = current;
-    if (!step_glimpse(state, current, log_step)) return std::nullopt;
-    const Eigen::VectorXd step = current.window_minus(before);
-    for (GlimpsedPoint& point : points) point.move(step, log_step);
-    depth = std::clamp(depth * std::exp(log_step), config_.min_depth, config_.max_depth);
-    converged = step.cwiseAbs().maxCoeff() < kStartConverged;
+    const std::optional<GlimpseStep> step = step_glimpse(state, current);
+    if (!step) return std::nullopt;
+    for (GlimpsedPoint& point : points) point.move(*step);
+    depth = std::clamp(depth * std::exp(step->log_depth), config_.min_depth, config_.max_depth);
+    converged = step->window.cwiseAbs().maxCoeff() < kStartConverged;
   }
   if (mode == Points::kKept && !converged) return std::nullopt;
   if (mode == Points::kEquallyFar) points.clear();
@@ -524,7 +520,7 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
   // is, comes from there as if all were equally far.
   points.clear();
   (void)stack_for_glimpse(current, tracks, depth, points);
-  if (!step_glimpse(state, current, log_step)) return std::nullopt;
+  if (!step_glimpse(state, current)) return std::nullopt;
   return current;
 }
 

@@ -84,14 +84,19 @@ class VisionUpdate {
   // The rows before the feature is projected out.
   [[nodiscard]] bool fill_rows(const State& state, const Track& track,
                                const Eigen::Vector3d& p_world, Linearized& result);
+  // Before the start: by what one iteration moves the window and the logarithm of the common depth.
+  struct GlimpseStep {
+    Eigen::VectorXd window;
+    double log_depth = 0;
+  };
   // Before the start: a track's point, and what says how it moves with the window and the common
   // depth: R df + H dx + h d(log depth) = r.
   struct GlimpsedPoint {
-    bool known = false;
-    Eigen::Vector3d in_anchor = Eigen::Vector3d::Zero();  // x/z, y/z, 1/z in the anchor's camera
+    // x/z, y/z, 1/z in the anchor's camera; zero: not known yet.
+    Eigen::Vector3d in_anchor = Eigen::Vector3d::Zero();
     Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
     Eigen::Matrix<double, 3, Eigen::Dynamic> rows;  // [H | r | h]
-    void move(const Eigen::VectorXd& window_step, double log_step);
+    void move(const GlimpseStep& moved);
   };
   // Rows of a track whose depth is only known to be like that of the others; the last column is for
   // the logarithm of that common depth.
@@ -113,7 +118,7 @@ class VisionUpdate {
   enum class Points { kKept, kEquallyFar };  // from one iteration to the next
   [[nodiscard]] std::optional<State> glimpse(const State& state,
                                              const std::vector<const Track*>& tracks, Points mode);
-  [[nodiscard]] bool step_glimpse(const State& state, State& current, double& log_step);
+  [[nodiscard]] std::optional<GlimpseStep> step_glimpse(const State& prior, State& current);
   // of_depth * d(log depth) + H dx = r
   struct DepthRow {
     double of_depth = 0, r = 0;
