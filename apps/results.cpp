@@ -311,7 +311,8 @@ std::string results_page(const std::vector<ScenarioResults>& results, const Resu
          "by the clock, so a slow machine's lockstep adds to them); a message to all goes to each "
          "drone. Messages of `paper` and `naive` hold the whole filter, up to 207 states in "
          "ours, so they are larger than the 190.7 kB printed: the last column but one counts ours "
-         "at the printed sizes.\n\n" +
+         "at the printed sizes. As in the paper they have descriptors of their landmarks and no "
+         "pictures; `compact` sends pictures.\n\n" +
          data_table(results) + "\n" + printed_data_table(results) +
          "\n## Messages, CPU and memory\n\n"
          "One core is 100 %. Lockstep runs as fast as the machine allows, so the CPU's maximum "
