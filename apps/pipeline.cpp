@@ -356,7 +356,7 @@ DriftOutcome Pipeline::fuse(const RelativePose& relative) {
 // What a peer has found of an own keyframe.
 PeerOutcome Pipeline::learn(const PeerKeyframe& message) {
   const StageTimer timer(peer_work_.peer_ms);
-  const Keyframe* own = collaborator_->answered_with(message);
+  const Keyframe* own = collaborator_->hear_found(message);
   if (!drift_ || own == nullptr) return PeerOutcome::kRejected;
   return to_peer_outcome(fuse(found_by_peer(message, own->pose, own->before)));
 }

@@ -2,6 +2,7 @@
 #include "frontend/answer_limiter.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace covey {
 
@@ -26,6 +27,12 @@ AnswerLimiter::Share AnswerLimiter::share_of(const std::string& peer, TimeNs now
   return {landmarks, std::max(config_.answer_interval_s, landmarks / per_s)};
 }
 
+double AnswerLimiter::patience(const std::string& peer) const {
+  constexpr int kMost = 10;  // of all that count
+  const auto unheard = unheard_of_.find(peer);
+  return unheard == unheard_of_.end() ? 1 : std::exp2(std::min(unheard->second, kMost));
+}
+
 int AnswerLimiter::max_landmarks(const std::string& peer, TimeNs now_ns) const {
   return share_of(peer, now_ns).landmarks;
 }
@@ -33,7 +40,9 @@ int AnswerLimiter::max_landmarks(const std::string& peer, TimeNs now_ns) const {
 bool AnswerLimiter::allows(const std::string& peer, TimeNs now_ns) const {
   const auto history = sent_ns_.find(peer);
   if (history == sent_ns_.end()) return sent_ns_.size() < config_.max_peers;
-  const double apart_s = share_of(peer, now_ns).interval_s;
+  const double usual_s = share_of(peer, now_ns).interval_s;
+  const double apart_s =
+      std::min(patience(peer) * usual_s, std::max(usual_s, config_.resend_interval_s));
   return std::all_of(history->second.begin(), history->second.end(), [&](const auto& sent) {
     return seconds_between(sent.second, now_ns) >= apart_s;
   });
@@ -53,13 +62,15 @@ bool AnswerLimiter::has_sent(const std::string& peer, std::uint64_t keyframe_id)
   return history != sent_ns_.end() && history->second.count(keyframe_id) > 0;
 }
 
-void AnswerLimiter::sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns) {
+void AnswerLimiter::sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns,
+                         bool awaits_word) {
   std::map<std::uint64_t, TimeNs>& history = sent_ns_[peer];
   const double horizon_s = std::max(config_.resend_interval_s, config_.answer_interval_s);
   for (auto old = history.begin(); old != history.end();) {
     old = seconds_between(old->second, now_ns) > horizon_s ? history.erase(old) : std::next(old);
   }
   history[keyframe_id] = now_ns;
+  if (awaits_word) ++unheard_of_[peer];
 }
 
 }  // namespace covey

@@ -2,7 +2,9 @@
 //
 // Keeps the answers to one peer apart, and bounds what all peers together are sent: it is shared by
 // those that were answered lately. What was sent may have been lost on the way, so nothing counts
-// as delivered: after a while the same keyframe may go out again.
+// as delivered: after a while the same keyframe may go out again. A drone that comes towards a
+// place finds nothing in one answer after the other until it is near enough: the longer nothing is
+// heard of answers, the rarer they get.
 #pragma once
 
 #include <cstdint>
@@ -34,7 +36,11 @@ class AnswerLimiter {
                                    TimeNs now_ns) const;
   // Lately, as long as it matters for the intervals.
   [[nodiscard]] bool has_sent(const std::string& peer, std::uint64_t keyframe_id) const;
-  void sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns);
+  // `awaits_word`: the peer will say so if it finds something.
+  void sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns,
+            bool awaits_word = false);
+  // It has found something of what it was sent.
+  void found(const std::string& peer) { unheard_of_.erase(peer); }
 
  private:
   // How many share what is sent if this one is answered as well.
@@ -44,10 +50,14 @@ class AnswerLimiter {
     double interval_s = 0;  // between two answers
   };
   [[nodiscard]] Share share_of(const std::string& peer, TimeNs now_ns) const;
+  // Times as long as usual, until the peer is answered again.
+  [[nodiscard]] double patience(const std::string& peer) const;
 
   Config config_;
   // By peer: when each own keyframe was sent, no longer ago than the resend interval.
   std::map<std::string, std::map<std::uint64_t, TimeNs>> sent_ns_;
+  // By peer: answers in a row of which no word has come.
+  std::map<std::string, int> unheard_of_;
 };
 
 }  // namespace covey

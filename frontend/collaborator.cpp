@@ -323,7 +323,7 @@ void Collaborator::forget(const std::string& peer) {
       remembered_.end());
 }
 
-void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& match) {
+void Collaborator::remember(const PeerKeyframe& message, const Eigen::Isometry3d& T_world_cam) {
   bool known = false, starts_anew = false;
   for (const Remembered& seen : remembered_) {
     if (seen.keyframe.sender != message.sender) continue;
@@ -338,11 +338,19 @@ void Collaborator::remember(const PeerKeyframe& message, const KeyframeMatch& ma
   const std::vector<PeerLandmark>& landmarks = message.landmarks;
   double depths = 0;
   for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
-  const CameraView view{match.own.T_world_cam * match.T_other_own.inverse(),
-                        depths / static_cast<double>(landmarks.size())};
+  const CameraView view{T_world_cam, depths / static_cast<double>(landmarks.size())};
   if (config_.remembered == 0) return;
   if (remembered_.size() >= config_.remembered) remembered_.pop_front();
   remembered_.push_back({message, view});
+}
+
+// What is not found yet may be, when this drone has come nearer.
+void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason reason) {
+  const std::optional<Eigen::Isometry3d> world = matcher_.world_of(message.sender);
+  const bool looked_for =
+      reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers;
+  if (!world || !looked_for || message.landmarks.empty()) return;
+  remember(message, *world * message.pose.T_world_cam);
 }
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
@@ -363,7 +371,9 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
     ++report_.advert_unknown_place;
     return std::nullopt;
   }
-  limiter_.sent(advert.sender, chosen->keyframe->pose.keyframe_id, now_ns_);
+  // Who cannot be told from where it asks is answered as often as it may be: it is still looking.
+  const bool awaits_word = config_.tell_found && asked_from.has_value();
+  limiter_.sent(advert.sender, chosen->keyframe->pose.keyframe_id, now_ns_, awaits_word);
   ++report_.answered;
   PeerKeyframe answer = told(*chosen->keyframe, chosen->landmarks);
   answer.described = !is_brief(advert);
@@ -387,12 +397,14 @@ void Collaborator::note_stranger(const std::string& sender) {
   if (strangers_.size() < config_.limiter.max_peers) strangers_.insert(sender);
 }
 
-const Keyframe* Collaborator::answered_with(const PeerKeyframe& message) const {
+const Keyframe* Collaborator::hear_found(const PeerKeyframe& message) {
   if (!message.found || message.receiver != config_.agent || !is_well_formed(message)) {
     return nullptr;
   }
   const std::uint64_t keyframe_id = message.found->keyframe_id;
-  return limiter_.has_sent(message.sender, keyframe_id) ? database_.find(keyframe_id) : nullptr;
+  if (!limiter_.has_sent(message.sender, keyframe_id)) return nullptr;
+  limiter_.found(message.sender);
+  return database_.find(keyframe_id);
 }
 
 bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
@@ -446,11 +458,13 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
     if (!message.described) corners_told_ns_.reset();
+    remember_for_later(message, none->reason);
   } else {
-    remember(message, std::get<KeyframeMatch>(result));
-    learn_tolerance(message, std::get<KeyframeMatch>(result));
+    const auto& match = std::get<KeyframeMatch>(result);
+    remember(message, match.own.T_world_cam * match.T_other_own.inverse());
+    learn_tolerance(message, match);
     ++report_.matched;
-    report_.landmark_pairs += static_cast<int>(std::get<KeyframeMatch>(result).matches.size());
+    report_.landmark_pairs += static_cast<int>(match.matches.size());
   }
   return result;
 }

@@ -12,7 +12,7 @@
 //   }
 //   on advert:   if (auto answer = collaborator.answer(advert)) send(*answer);
 //   on keyframe: std::visit(..., collaborator.match(keyframe));         // KeyframeMatch -> filter
-//   on keyframe.found: collaborator.answered_with(keyframe);            // which own one was found
+//   on keyframe.found: collaborator.hear_found(keyframe);               // which own one was found
 //
 // The exchanges of the paper ask or tell at the rate of the camera: there, images that are no
 // keyframes go into add_frame().
@@ -157,7 +157,7 @@ class Collaborator {
 
   // The own keyframe that a peer tells to have found, if it was answered with that lately; else
   // null.
-  [[nodiscard]] const Keyframe* answered_with(const PeerKeyframe& message) const;
+  [[nodiscard]] const Keyframe* hear_found(const PeerKeyframe& message);
 
   // Where a peer's world lies in the own one, as far as that is known by now: what it has seen is
   // looked for there first.
@@ -200,7 +200,8 @@ class Collaborator {
   [[nodiscard]] std::optional<KeyframeMatch> recognise(const Keyframe& newest,
                                                        const PeerKeyframe& old);
   void forget(const std::string& peer);  // what is remembered of it
-  void remember(const PeerKeyframe& message, const KeyframeMatch& match);
+  void remember(const PeerKeyframe& message, const Eigen::Isometry3d& T_world_cam);
+  void remember_for_later(const PeerKeyframe& message, NoMatchReason reason);
   void learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match);
 
   CollaboratorConfig config_;

@@ -82,6 +82,22 @@ TEST(AnswerLimiter, WhatWasSentMayGoAgainAfterAWhile) {
   EXPECT_FALSE(limiter.has_just_sent("uav2", 7, at(11)));
 }
 
+TEST(AnswerLimiter, WhoFindsNothingIsAnsweredMoreRarelyUntilItDoes) {
+  AnswerLimiter limiter({});
+  limiter.sent("uav1", 1, at(10), true);
+  EXPECT_FALSE(limiter.allows("uav1", at(10.9)));
+  EXPECT_TRUE(limiter.allows("uav1", at(11)));
+  limiter.sent("uav1", 2, at(11), true);
+  EXPECT_FALSE(limiter.allows("uav1", at(12.9)));
+  for (int i = 0; i < 20; ++i) {  // but never more rarely than a keyframe may be repeated
+    limiter.sent("uav1", 3, at(13 + 2 * i), true);
+    EXPECT_TRUE(limiter.allows("uav1", at(15 + 2 * i)));
+  }
+  limiter.found("uav1");
+  EXPECT_TRUE(limiter.allows("uav1", at(51.5)));
+  EXPECT_FALSE(limiter.allows("uav1", at(51.4)));
+}
+
 TEST(AnswerLimiter, WhoInventsMoreNamesGetsNoAnswer) {
   AnswerLimiter::Config config;
   config.max_peers = 2;
