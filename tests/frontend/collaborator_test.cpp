@@ -340,6 +340,23 @@ TEST(Collaborator, WhatAPeerAnsweredOnceIsRecognisedWithoutAsking) {
   }
 }
 
+TEST(Collaborator, WhatIsNotFoundYetIsComparedAgainFromNearer) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  const Scene another = make_scene(80, {12, 0, 0}, 7);
+  answer.request_keyframe_id =
+      look(team.uav0, another, level_camera({0.5, 1.5, 0.3}, 0.1), 4.0, 90000).keyframe_id;
+  (void)reason_of(team.uav0.match(answer));
+  EXPECT_TRUE(team.uav0.revisit().empty()) << "still not in sight";
+  look(team.uav0, team.scene, level_camera({0.5, 2.5, 0.3}, 0.1), 5.0, kOwnIds);
+  const std::vector<KeyframeMatch> revisited = team.uav0.revisit();
+  ASSERT_EQ(revisited.size(), 1u);
+  EXPECT_EQ(revisited[0].drone, "uav1");
+  for (const LandmarkMatch& match : revisited[0].matches) {
+    EXPECT_LT(distance_to_own_point(team, match), 0.15);
+  }
+}
+
 TEST(Collaborator, TracksThatEndedLongAgoStillMatchByTheirId) {
   Team team;
   const PeerKeyframe answer = team.ask();
