@@ -280,7 +280,7 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
            "of a keyframe that is answered: way over depth, plus angle in rad, beyond doubt");
   v.number("answer_interval_s", c.limiter.answer_interval_s, {0, 1e3}, "[s] to one peer");
   v.number("resend_interval_s", c.limiter.resend_interval_s, {0, 1e4},
-           "[s] same keyframe to one peer");
+           "[s] same keyframe to one peer, or any to one that finds nothing");
   v.flag("pictures_always", c.pictures_always,
          "landmarks go with pictures in exchanges 'paper' and 'naive' as well; the paper has none");
   v.flag("tell_found", c.tell_found, "who has answered is told what came of it");

@@ -19,7 +19,8 @@ class AnswerLimiter {
  public:
   struct Config {
     double answer_interval_s = 0.5;  // between two answers to one peer
-    double resend_interval_s = 2.0;  // before one peer gets the same keyframe again
+    double resend_interval_s = 2.0;  // before one peer gets the same keyframe again, or, where it
+                                     // finds nothing, another one
     std::size_t max_peers = 64;      // who invents more names gets no answer
     double landmarks_per_s = 400;    // that all peers share; 0: no bound
     int least_landmarks = 40;        // of an answer; if shares are smaller, answers get rarer
