@@ -121,6 +121,25 @@ Eigen::Vector2d project(const CameraIntrinsics& camera, const Eigen::Vector2d& b
   return focal.cwiseProduct(d.point) + Eigen::Vector2d(camera.cx, camera.cy);
 }
 
+Eigen::Matrix2d px_per_bearing(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing) {
+  Eigen::Matrix2d J;
+  [[maybe_unused]] const Eigen::Vector2d pixel = project(camera, bearing, &J);
+  return J;
+}
+
+Eigen::Matrix2d bearing_covariance(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing,
+                                   const Eigen::Matrix2d& pixel_covariance) {
+  const Eigen::Matrix2d to_bearing = px_per_bearing(camera, bearing).inverse();
+  return to_bearing * pixel_covariance * to_bearing.transpose();
+}
+
+bool is_on_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing) {
+  const double r = bearing.norm();
+  return camera.model == DistortionModel::kEquidistant
+             ? grows_up_to(camera.distortion, std::atan(r), equidistant_slope)
+             : grows_up_to(camera.distortion, r, radial_tangential_slope);
+}
+
 std::optional<Eigen::Vector2d> unproject(const CameraIntrinsics& camera,
                                          const Eigen::Vector2d& pixel) {
   const Eigen::Vector2d distorted((pixel.x() - camera.cx) / camera.fx,

@@ -29,6 +29,19 @@ struct CameraIntrinsics {
                                       const Eigen::Vector2d& bearing,
                                       Eigen::Matrix2d* J_pixel_bearing = nullptr);
 
+// d(pixel)/d(bearing), 2x2: a wide lens gives a bearing at the edge fewer pixels than one ahead.
+[[nodiscard]] Eigen::Matrix2d px_per_bearing(const CameraIntrinsics& camera,
+                                             const Eigen::Vector2d& bearing);
+
+// Covariance of a bearing, from that of its pixel, px^2.
+[[nodiscard]] Eigen::Matrix2d bearing_covariance(const CameraIntrinsics& camera,
+                                                 const Eigen::Vector2d& bearing,
+                                                 const Eigen::Matrix2d& pixel_covariance);
+
+// A distortion polynomial that turns back puts a bearing from far outside into the image as well:
+// false for those, whose pixel is another bearing's.
+[[nodiscard]] bool is_on_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing);
+
 // Not for a pixel that is no number.
 [[nodiscard]] inline bool is_in_image(const CameraIntrinsics& camera,
                                       const Eigen::Vector2d& pixel) {

@@ -122,7 +122,7 @@ ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
 
 KeyframeMatcher::KeyframeMatcher(const KeyframeMatcherConfig& config,
                                  const CameraIntrinsics& camera)
-    : config_(config), camera_(camera), focal_length_px_(mean_focal_length_px(camera)) {}
+    : config_(config), camera_(camera) {}
 
 void KeyframeMatcher::keep_image(std::uint64_t keyframe_id, const ImagePyramid& image) {
   if (images_.size() >= config_.images) images_.pop_front();
@@ -163,10 +163,10 @@ VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
     for (const IndexPair& pair : pairs) {
       correspondences.push_back({points[pair.peer].p_world, features[pair.own].bearing});
     }
-    return verify(T_world_cam, correspondences, focal_length_px_, config_.verification);
+    return verify(T_world_cam, correspondences, camera_, config_.verification);
   };
   const VerificationResult nearby =
-      verified(match_guided(T_world_cam, FrameOffset{}, features, points, focal_length_px_,
+      verified(match_guided(T_world_cam, FrameOffset{}, features, points, camera_,
                             {config_.drift_px, config_.descriptors.max_distance_bits}));
   if (nearby.verified) return nearby;
   return verified(match_descriptors(short_descriptors_of(features), short_descriptors_of(points),
@@ -187,7 +187,7 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
   config.inlier_px = config_.in_place_px;
   config.min_inlier_share = config_.in_place_share;
   config.min_inliers = config_.min_matches;
-  return verify(own.pose.T_world_cam, correspondences, focal_length_px_, config);
+  return verify(own.pose.T_world_cam, correspondences, camera_, config);
 }
 
 std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
@@ -209,8 +209,8 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   const Eigen::Isometry3d T_other_own =
       relative_pose(own.pose, other.pose, result.verified->offset);
   const auto match_in_reach = other.described ? match_guided : match_nearest;
-  const std::vector<IndexPair> pairs = match_in_reach(
-      T_world_cam, result.verified->offset, features, points, focal_length_px_, config_.guided);
+  const std::vector<IndexPair> pairs = match_in_reach(T_world_cam, result.verified->offset,
+                                                      features, points, camera_, config_.guided);
   searches = look_for(own.pose.keyframe_id, other, landmarks, T_other_own, std::move(searches));
   const std::size_t found = number_found(searches);
   if ((in_place ? found : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
@@ -235,17 +235,20 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   };
   KeyframeMatch match{other.sender, own.pose,    own.before, other.pose,
                       other.before, T_other_own, {},         {}};
-  const Eigen::Matrix2d corner = alike_in_both(config_.sigma_px / focal_length_px_);
-  const Eigen::Matrix2d aligned = alike_in_both(config_.aligned_sigma_px / focal_length_px_);
+  const Eigen::Matrix2d corner_px = alike_in_both(config_.sigma_px);
+  const Eigen::Matrix2d aligned_px = alike_in_both(config_.aligned_sigma_px);
   for (const IndexPair& pair : pairs) {
     const KeyframeFeature& feature = own.features[pair.own];
-    match.matches.push_back(seen(feature.track_id, feature.bearing, corner, pair.peer));
+    match.matches.push_back(seen(feature.track_id, feature.bearing,
+                                 bearing_covariance(camera_, feature.bearing, corner_px),
+                                 pair.peer));
   }
   const double scale = config_.aligned_scale;
   match.aligned.reserve(found);
   for (std::size_t i = 0; i < searches.size(); ++i) {
     if (!searches[i].found) continue;
     const FoundPatch& patch = *searches[i].found;
+    const Eigen::Matrix2d aligned = bearing_covariance(camera_, patch.bearing, aligned_px);
     const Eigen::Matrix2d claimed = scale * scale * patch.covariance;
     match.aligned.push_back(seen(0, patch.bearing, aligned + claimed, i));
   }
@@ -269,7 +272,8 @@ std::vector<KeyframeMatcher::Search> KeyframeMatcher::look_for(
     const Search before = std::exchange(searches[i], {});
     if (landmark.patch == LandmarkPatch{} || !(p_own.z() > 0)) continue;
     const Eigen::Vector2d expected = p_own.hnormalized();
-    if (before.expected && (expected - *before.expected).norm() * focal_length_px_ < kNearly_px) {
+    if (before.expected &&
+        (px_per_bearing(camera_, expected) * (expected - *before.expected)).norm() < kNearly_px) {
       searches[i] = before;
       continue;
     }

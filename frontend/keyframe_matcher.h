@@ -122,7 +122,6 @@ class KeyframeMatcher {
 
   KeyframeMatcherConfig config_;
   CameraIntrinsics camera_;
-  double focal_length_px_;
   struct World {
     Eigen::Isometry3d T_own_drone = Eigen::Isometry3d::Identity();
     std::uint64_t newest_keyframe = 0;  // that was noted

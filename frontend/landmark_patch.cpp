@@ -223,14 +223,13 @@ struct Sight {
 
 std::optional<Sight> sight_of(const SeenLandmark& seen, const Eigen::Isometry3d& T_own_other,
                               const CameraIntrinsics& camera) {
-  constexpr double kMinDepth = 0.1, kMaxBearing = 2.0;
+  constexpr double kMinDepth = 0.1;
   Sight sight;
   sight.p_own = T_own_other.linear() * seen.bearing.homogeneous() +
                 seen.inverse_depth * T_own_other.translation();
-  if (!(sight.p_own.z() > kMinDepth) || sight.p_own.hnormalized().norm() > kMaxBearing) {
-    return std::nullopt;
-  }
+  if (!(sight.p_own.z() > kMinDepth)) return std::nullopt;
   const Eigen::Vector2d bearing = sight.p_own.hnormalized();
+  if (!is_on_lens(camera, bearing)) return std::nullopt;
   sight.pixel = project(camera, bearing, &sight.J_bearing);
   Eigen::Matrix<double, 2, 3> J_bearing_p;
   J_bearing_p << 1, 0, -bearing.x(), 0, 1, -bearing.y();

@@ -66,23 +66,28 @@ std::vector<FrameOffset> solve(const Constraint& steep, const Constraint& other)
 class Verifier {
  public:
   Verifier(const Eigen::Isometry3d& T_world_cam, const std::vector<Correspondence>& matches,
-           double inlier_bearing)
+           const CameraIntrinsics& camera, double inlier_px)
       : T_world_cam_(T_world_cam),
         R_cam_world_(T_world_cam.linear().transpose()),
         matches_(matches),
-        gate2_(inlier_bearing * inlier_bearing) {}
+        gate2_(inlier_px * inlier_px) {
+    lens_.reserve(matches.size());
+    for (const Correspondence& match : matches) {
+      lens_.push_back(px_per_bearing(camera, match.bearing_own));
+    }
+  }
 
   // Sum of the squared errors, each at most the gate (MSAC, Torr and Zisserman 2000).
   [[nodiscard]] double cost(const FrameOffset& offset) const {
     double sum = 0;
-    for (const Correspondence& match : matches_) sum += std::min(gate2_, error2(offset, match));
+    for (std::size_t i = 0; i < matches_.size(); ++i) sum += std::min(gate2_, error2(offset, i));
     return sum;
   }
 
   [[nodiscard]] std::vector<std::size_t> inliers(const FrameOffset& offset) const {
     std::vector<std::size_t> indices;
     for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (error2(offset, matches_[i]) < gate2_) indices.push_back(i);
+      if (error2(offset, i) < gate2_) indices.push_back(i);
     }
     return indices;
   }
@@ -101,8 +106,8 @@ class Verifier {
     return offset;
   }
 
-  // Largest standard deviation of the offset, m, when the inliers' bearings have `bearing_sigma`.
-  [[nodiscard]] double offset_sigma(const FrameOffset& offset, double bearing_sigma) const {
+  // Largest standard deviation of the offset, m, when the inliers are right to 1 px.
+  [[nodiscard]] double offset_sigma(const FrameOffset& offset) const {
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> information(linearise(offset).A);
     if (!(information.eigenvalues()[0] > 1e-12 * information.eigenvalues()[3])) {
       return std::numeric_limits<double>::infinity();
@@ -110,8 +115,7 @@ class Verifier {
     const Eigen::Matrix4d covariance = information.eigenvectors() *
                                        information.eigenvalues().cwiseInverse().asDiagonal() *
                                        information.eigenvectors().transpose();
-    return bearing_sigma *
-           std::sqrt(covariance.bottomRightCorner<3, 3>().eigenvalues().real().maxCoeff());
+    return std::sqrt(covariance.bottomRightCorner<3, 3>().eigenvalues().real().maxCoeff());
   }
 
  private:
@@ -121,13 +125,14 @@ class Verifier {
                            T_world_cam_.translation());
   }
 
-  [[nodiscard]] double error2(const FrameOffset& offset, const Correspondence& match) const {
-    const Eigen::Vector3d p_cam = in_camera(offset, match);
+  // px^2
+  [[nodiscard]] double error2(const FrameOffset& offset, std::size_t i) const {
+    const Eigen::Vector3d p_cam = in_camera(offset, matches_[i]);
     if (!(p_cam.z() > 1e-3)) return std::numeric_limits<double>::infinity();
-    return (p_cam.hnormalized() - match.bearing_own).squaredNorm();
+    return (lens_[i] * (p_cam.hnormalized() - matches_[i].bearing_own)).squaredNorm();
   }
 
-  // Normal equations A delta = b of the inliers' bearing errors, delta = [yaw, offset].
+  // Normal equations A delta = b of the inliers' errors in px, delta = [yaw, offset].
   struct Normal {
     Eigen::Matrix4d A = Eigen::Matrix4d::Zero();
     Eigen::Vector4d b = Eigen::Vector4d::Zero();
@@ -139,13 +144,13 @@ class Verifier {
       const Eigen::Vector3d p_cam = in_camera(offset, matches_[i]);
       Eigen::Matrix<double, 2, 3> J_bearing_cam;
       J_bearing_cam << 1, 0, -p_cam.x() / p_cam.z(), 0, 1, -p_cam.y() / p_cam.z();
-      J_bearing_cam /= p_cam.z();
+      const Eigen::Matrix<double, 2, 3> J_px_cam = lens_[i] * J_bearing_cam / p_cam.z();
       const Eigen::Vector3d turned = R_cam_world_.transpose() * p_cam - offset.offset;
       Eigen::Matrix<double, 2, 4> J;
-      J << J_bearing_cam * R_cam_world_ * Eigen::Vector3d::UnitZ().cross(turned),
-          J_bearing_cam * R_cam_world_;
+      J << J_px_cam * R_cam_world_ * Eigen::Vector3d::UnitZ().cross(turned),
+          J_px_cam * R_cam_world_;
       normal.A += J.transpose() * J;
-      normal.b += J.transpose() * (matches_[i].bearing_own - p_cam.hnormalized());
+      normal.b += J.transpose() * lens_[i] * (matches_[i].bearing_own - p_cam.hnormalized());
     }
     return normal;
   }
@@ -160,7 +165,8 @@ class Verifier {
   Eigen::Isometry3d T_world_cam_;
   Eigen::Matrix3d R_cam_world_;
   const std::vector<Correspondence>& matches_;
-  double gate2_;  // squared bearing error of an inlier
+  std::vector<Eigen::Matrix2d> lens_;  // px per unit of bearing, where each is seen
+  double gate2_;                       // squared error of an inlier, px^2
 };
 
 // Draws of two after which two inliers were drawn together with 99.9 % (Fischler and Bolles 1981).
@@ -219,20 +225,20 @@ std::vector<FrameOffset> offsets_from_two_points(const Eigen::Isometry3d& T_worl
 
 VerificationResult verify(const Eigen::Isometry3d& T_world_cam,
                           const std::vector<Correspondence>& correspondences,
-                          double focal_length_px, const VerificationConfig& config) {
+                          const CameraIntrinsics& camera, const VerificationConfig& config) {
   const double needed = std::max<double>(
       config.min_inliers, config.min_inlier_share * static_cast<double>(correspondences.size()));
   if (static_cast<double>(correspondences.size()) < needed || correspondences.size() < 2) {
     return {std::nullopt, VerificationFailure::kTooFewCorrespondences};
   }
-  const Verifier verifier(T_world_cam, correspondences, config.inlier_px / focal_length_px);
+  const Verifier verifier(T_world_cam, correspondences, camera, config.inlier_px);
   const FrameOffset offset =
       best_offset(verifier, T_world_cam, correspondences, config.max_iterations);
   Verified verified{offset, verifier.inliers(offset)};
   if (static_cast<double>(verified.inliers.size()) < needed) {
     return {std::nullopt, VerificationFailure::kTooFewInliers};
   }
-  if (verifier.offset_sigma(offset, 1 / focal_length_px) > config.max_offset_sigma) {
+  if (verifier.offset_sigma(offset) > config.max_offset_sigma) {
     return {std::nullopt, VerificationFailure::kUndetermined};
   }
   if (!(offset.offset.norm() <= config.max_offset) || !(std::abs(offset.yaw) <= config.max_yaw)) {
@@ -248,13 +254,16 @@ namespace {
 template <typename See>
 void for_each_in_reach(const Eigen::Isometry3d& T_world_cam, const FrameOffset& offset,
                        const std::vector<OwnFeature>& own, const std::vector<PeerPoint>& peer,
-                       double radius, const See& see) {
+                       const CameraIntrinsics& camera, double radius_px, const See& see) {
+  std::vector<Eigen::Matrix2d> lens;
+  lens.reserve(own.size());
+  for (const OwnFeature& feature : own) lens.push_back(px_per_bearing(camera, feature.bearing));
   for (std::size_t j = 0; j < peer.size(); ++j) {
     const Eigen::Vector3d p_cam =
         T_world_cam.inverse() * to_own_world(offset, T_world_cam.translation(), peer[j].p_world);
     if (!(p_cam.z() > 1e-3)) continue;
     for (std::size_t i = 0; i < own.size(); ++i) {
-      const double share = (own[i].bearing - p_cam.hnormalized()).norm() / radius;
+      const double share = (lens[i] * (own[i].bearing - p_cam.hnormalized())).norm() / radius_px;
       if (share < 1) see(i, j, share);
     }
   }
@@ -266,10 +275,10 @@ constexpr double kAnyRatio = 2;  // place tells apart what nothing else can
 
 std::vector<IndexPair> match_guided(const Eigen::Isometry3d& T_world_cam, const FrameOffset& offset,
                                     const std::vector<OwnFeature>& own,
-                                    const std::vector<PeerPoint>& peer, double focal_length_px,
-                                    const GuidedConfig& config) {
+                                    const std::vector<PeerPoint>& peer,
+                                    const CameraIntrinsics& camera, const GuidedConfig& config) {
   MutualMatches matches(own.size(), peer.size());
-  for_each_in_reach(T_world_cam, offset, own, peer, config.radius_px / focal_length_px,
+  for_each_in_reach(T_world_cam, offset, own, peer, camera, config.radius_px,
                     [&](std::size_t i, std::size_t j, double /*share*/) {
                       matches.see(i, j, hamming_distance(own[i].descriptor, peer[j].descriptor));
                     });
@@ -278,11 +287,11 @@ std::vector<IndexPair> match_guided(const Eigen::Isometry3d& T_world_cam, const 
 
 std::vector<IndexPair> match_nearest(const Eigen::Isometry3d& T_world_cam,
                                      const FrameOffset& offset, const std::vector<OwnFeature>& own,
-                                     const std::vector<PeerPoint>& peer, double focal_length_px,
-                                     const GuidedConfig& config) {
+                                     const std::vector<PeerPoint>& peer,
+                                     const CameraIntrinsics& camera, const GuidedConfig& config) {
   constexpr int kRadius = 1 << 16;  // in which distances are counted
   MutualMatches matches(own.size(), peer.size());
-  for_each_in_reach(T_world_cam, offset, own, peer, config.radius_px / focal_length_px,
+  for_each_in_reach(T_world_cam, offset, own, peer, camera, config.radius_px,
                     [&](std::size_t i, std::size_t j, double share) {
                       matches.see(i, j, static_cast<int>(kRadius * share) + 1);
                     });

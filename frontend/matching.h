@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/camera.h"
 #include "frontend/mutual_matches.h"
 
 namespace covey {
@@ -79,7 +80,8 @@ struct VerificationResult {
 // RANSAC over two points, then least squares on the inliers. Same input, same output.
 [[nodiscard]] VerificationResult verify(const Eigen::Isometry3d& T_world_cam,
                                         const std::vector<Correspondence>& correspondences,
-                                        double focal_length_px, const VerificationConfig& config);
+                                        const CameraIntrinsics& camera,
+                                        const VerificationConfig& config);
 
 struct OwnFeature {
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();  // (x/z, y/z) in the own cam
@@ -102,7 +104,7 @@ struct GuidedConfig {
                                                   const FrameOffset& offset,
                                                   const std::vector<OwnFeature>& own,
                                                   const std::vector<PeerPoint>& peer,
-                                                  double focal_length_px,
+                                                  const CameraIntrinsics& camera,
                                                   const GuidedConfig& config);
 
 // The same without descriptors: mutual nearest ones among those in reach.
@@ -110,7 +112,7 @@ struct GuidedConfig {
                                                    const FrameOffset& offset,
                                                    const std::vector<OwnFeature>& own,
                                                    const std::vector<PeerPoint>& peer,
-                                                   double focal_length_px,
+                                                   const CameraIntrinsics& camera,
                                                    const GuidedConfig& config);
 
 }  // namespace covey

@@ -88,6 +88,20 @@ TEST(Camera, BarrelDistortionNeverReturnsItsSecondBranch) {
   EXPECT_FALSE(unproject(camera, {camera.cx + 0.704 * camera.fx, camera.cy}).has_value());
 }
 
+TEST(Camera, WhatLiesBeyondWhereTheDistortionTurnsBackIsNotOnTheLens) {
+  CameraIntrinsics camera = euroc_camera();
+  camera.distortion = {-0.3, 0, 0, 0};
+  EXPECT_TRUE(is_on_lens(camera, {1.05, 0}));
+  for (const double r : {1.06, 1.5, 1.8, 2.5}) EXPECT_FALSE(is_on_lens(camera, {0, r})) << r;
+  EXPECT_TRUE(is_in_image(camera, project(camera, {0, 1.8}))) << "though its pixel is in the image";
+  camera.distortion = {};
+  EXPECT_TRUE(is_on_lens(camera, {3, 0}));
+  camera.model = DistortionModel::kEquidistant;
+  camera.distortion = {-0.4, 0, 0, 0};  // turns back at 0.913 rad
+  EXPECT_TRUE(is_on_lens(camera, {std::tan(0.9), 0}));
+  EXPECT_FALSE(is_on_lens(camera, {std::tan(0.93), 0}));
+}
+
 TEST(Camera, OpenCvOrderOfRadialTangentialCoefficients) {
   // By hand: x = 0.1, y = 0.2, r2 = 0.05, radial = 1 - 0.3*0.05 + 0.1*0.0025 = 0.98525.
   // x' = 0.1 * 0.98525 + 2*0.01*0.02 + 0.02*(0.05 + 0.02) = 0.100325

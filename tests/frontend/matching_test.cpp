@@ -16,6 +16,12 @@ using testing::uniform;
 
 constexpr double kFocal = 455;  // px
 
+CameraIntrinsics camera() {
+  CameraIntrinsics camera;
+  camera.fx = camera.fy = kFocal;
+  return camera;
+}
+
 ShortDescriptor random_descriptor(std::mt19937& random) {
   ShortDescriptor descriptor{};
   for (std::uint8_t& byte : descriptor) byte = static_cast<std::uint8_t>(random());
@@ -128,7 +134,7 @@ TEST(Verify, FindsTheOffsetAndExactlyTheRightMatchesAmongWrongOnes) {
   for (int i = 0; i < 15; ++i) {
     data.matches.push_back({wrong.matches[i].p_world_peer, wrong.matches[i + 15].bearing_own});
   }
-  const VerificationResult result = verify(data.T_world_cam, data.matches, kFocal, {});
+  const VerificationResult result = verify(data.T_world_cam, data.matches, camera(), {});
   ASSERT_TRUE(result.verified.has_value());
   EXPECT_NEAR(result.verified->offset.yaw, 0.05, 0.003);
   EXPECT_LT((result.verified->offset.offset - data.truth.offset).norm(), 0.05);
@@ -137,16 +143,35 @@ TEST(Verify, FindsTheOffsetAndExactlyTheRightMatchesAmongWrongOnes) {
   EXPECT_EQ(result.verified->inliers, expected);
 }
 
+// A wide lens shows a bearing at its edge smaller: a pixel is more of it there.
+TEST(Verify, CountsPixelsAsTheLensShowsThem) {
+  CameraIntrinsics wide = camera();
+  wide.model = DistortionModel::kEquidistant;
+  std::mt19937 random(8);
+  Case data = make_case({}, 30, 0, 9);
+  for (Correspondence& match : data.matches) {
+    const Eigen::Vector3d p_cam = data.T_world_cam.inverse() * match.p_world_peer;
+    match.bearing_own = 1.8 / 0.7 * p_cam.hnormalized();  // up to 61 degrees off the axis
+    const double depth = p_cam.z();
+    match.p_world_peer = data.T_world_cam * (depth * match.bearing_own.homogeneous()).eval();
+    const Eigen::Vector2d off_px(uniform(-1.2, 1.2, random), uniform(-1.2, 1.2, random));
+    match.bearing_own += px_per_bearing(wide, match.bearing_own).inverse() * off_px;
+  }
+  const VerificationResult result = verify(data.T_world_cam, data.matches, wide, {2.0});
+  ASSERT_TRUE(result.verified.has_value());
+  EXPECT_EQ(result.verified->inliers.size(), data.matches.size());
+}
+
 TEST(Verify, RefusesWorldsThatAreFiveMetresApart) {
   const Case data = make_case({0.0, {5, 0, 0}}, 30, 0.5, 7);
-  const VerificationResult result = verify(data.T_world_cam, data.matches, kFocal, {});
+  const VerificationResult result = verify(data.T_world_cam, data.matches, camera(), {});
   EXPECT_FALSE(result.verified.has_value());
   EXPECT_EQ(result.failure, VerificationFailure::kOffsetTooLarge);
 }
 
 TEST(Verify, RefusesWorldsThatAreTurned) {
   const Case data = make_case({0.3, {0, 0, 0}}, 30, 0.5, 8);
-  const VerificationResult result = verify(data.T_world_cam, data.matches, kFocal, {});
+  const VerificationResult result = verify(data.T_world_cam, data.matches, camera(), {});
   EXPECT_EQ(result.failure, VerificationFailure::kOffsetTooLarge);
 }
 
@@ -156,7 +181,7 @@ TEST(Verify, RefusesPermutedMatches) {
     for (std::size_t i = 0; i < 20; ++i) {
       std::swap(data.matches[i].bearing_own, data.matches[i + 20].bearing_own);
     }
-    const VerificationResult result = verify(data.T_world_cam, data.matches, kFocal, {});
+    const VerificationResult result = verify(data.T_world_cam, data.matches, camera(), {});
     EXPECT_FALSE(result.verified.has_value()) << "seed " << seed;
   }
 }
@@ -165,22 +190,22 @@ TEST(Verify, RefusesPermutedMatches) {
 // are too few, whatever comes with them.
 TEST(Verify, NeedsTheConfiguredNumberOfInliers) {
   const Case seven = make_case({}, 7, 0.3, 9), eight = make_case({}, 8, 0.3, 9);
-  EXPECT_EQ(verify(seven.T_world_cam, seven.matches, kFocal, {}).failure,
+  EXPECT_EQ(verify(seven.T_world_cam, seven.matches, camera(), {}).failure,
             VerificationFailure::kTooFewCorrespondences);
-  EXPECT_TRUE(verify(eight.T_world_cam, eight.matches, kFocal, {}).verified.has_value());
+  EXPECT_TRUE(verify(eight.T_world_cam, eight.matches, camera(), {}).verified.has_value());
 }
 
 TEST(Verify, PointsBehindTheCameraAreNoInliers) {
   Case data = make_case({}, 20, 0, 10);
   const Eigen::Vector3d c = data.T_world_cam.translation();
   for (Correspondence& match : data.matches) match.p_world_peer = 2 * c - match.p_world_peer;
-  EXPECT_FALSE(verify(data.T_world_cam, data.matches, kFocal, {}).verified.has_value());
+  EXPECT_FALSE(verify(data.T_world_cam, data.matches, camera(), {}).verified.has_value());
 }
 
 TEST(Verify, SameInputSameOutput) {
   const Case data = make_case({0.02, {0.1, 0.2, 0}}, 25, 1.5, 11);
-  const VerificationResult a = verify(data.T_world_cam, data.matches, kFocal, {});
-  const VerificationResult b = verify(data.T_world_cam, data.matches, kFocal, {});
+  const VerificationResult a = verify(data.T_world_cam, data.matches, camera(), {});
+  const VerificationResult b = verify(data.T_world_cam, data.matches, camera(), {});
   ASSERT_TRUE(a.verified && b.verified);
   EXPECT_EQ(a.verified->inliers, b.verified->inliers);
   EXPECT_EQ(a.verified->offset.offset, b.verified->offset.offset);
@@ -189,7 +214,7 @@ TEST(Verify, SameInputSameOutput) {
 TEST(Verify, TwentyPointsOnOneSpotDetermineNothing) {
   const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
   const std::vector<Correspondence> same(20, {{10, 1, 1}, {-0.1, -0.1}});
-  EXPECT_EQ(verify(T_world_cam, same, kFocal, {}).failure, VerificationFailure::kUndetermined);
+  EXPECT_EQ(verify(T_world_cam, same, camera(), {}).failure, VerificationFailure::kUndetermined);
 }
 
 // Features whose descriptors changed by about 17 bits, which no ratio test would let through.
@@ -212,7 +237,7 @@ GuidedCase make_guided_case(unsigned seed) {
 }
 
 std::vector<IndexPair> guided(const GuidedCase& c, const FrameOffset& offset) {
-  return match_guided(c.data.T_world_cam, offset, c.own, c.peer, kFocal, {});
+  return match_guided(c.data.T_world_cam, offset, c.own, c.peer, camera(), {});
 }
 
 TEST(MatchGuided, FindsWhatDescriptorsAloneCannot) {
@@ -234,7 +259,7 @@ TEST(MatchNearest, NeedsThePlaceAlone) {
   GuidedCase c = make_guided_case(34);
   for (PeerPoint& point : c.peer) point.descriptor = {};
   const auto nearest = [&](const FrameOffset& offset) {
-    return match_nearest(c.data.T_world_cam, offset, c.own, c.peer, kFocal, {});
+    return match_nearest(c.data.T_world_cam, offset, c.own, c.peer, camera(), {});
   };
   const std::vector<IndexPair> pairs = nearest(c.data.truth);
   EXPECT_GE(pairs.size(), 36u);
@@ -248,7 +273,7 @@ TEST(MatchNearest, TakesWhatLiesNearest) {
   const Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();  // looks up
   const std::vector<OwnFeature> own = {{{1.5 * px, 0}, {}}, {{0.2 * px, 0}, {}}};
   const std::vector<PeerPoint> peer = {{{0, 0, 1}, {}}, {{0.9 * px, 0, 1}, {}}};
-  const std::vector<IndexPair> pairs = match_nearest(T_world_cam, {}, own, peer, kFocal, {});
+  const std::vector<IndexPair> pairs = match_nearest(T_world_cam, {}, own, peer, camera(), {});
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(pairs[0].own, 0u);
   EXPECT_EQ(pairs[0].peer, 1u);
