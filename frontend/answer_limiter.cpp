@@ -6,12 +6,19 @@
 
 namespace covey {
 
+AnswerLimiter::AnswerLimiter(const Config& config) : config_(config) {
+  constexpr double kLeast_s = 6, kLate = 1.2;  // nobody asks just when it may
+  const auto most = static_cast<double>(config.max_peers);
+  const int least = std::min(config.least_landmarks, config.max_landmarks);
+  const double round_s = config.landmarks_per_s > 0 ? most * least / config.landmarks_per_s : 0;
+  memory_s_ = std::max({kLeast_s, kLate * round_s, config.resend_interval_s});
+}
+
 std::size_t AnswerLimiter::sharers(const std::string& peer, TimeNs now_ns) const {
-  constexpr double kMemory_s = 6;  // 64 peers with 40 landmarks each are answered every 5.7 s
   const auto is_sharer = [&](const auto& other) {
     return other.first == peer ||
            std::any_of(other.second.begin(), other.second.end(), [&](const auto& sent) {
-             return seconds_between(sent.second, now_ns) < kMemory_s;
+             return seconds_between(sent.second, now_ns) < memory_s_;
            });
   };
   const auto known = std::count_if(sent_ns_.begin(), sent_ns_.end(), is_sharer);
@@ -39,7 +46,7 @@ int AnswerLimiter::max_landmarks(const std::string& peer, TimeNs now_ns) const {
 
 bool AnswerLimiter::allows(const std::string& peer, TimeNs now_ns) const {
   const auto history = sent_ns_.find(peer);
-  if (history == sent_ns_.end()) return sent_ns_.size() < config_.max_peers;
+  if (history == sent_ns_.end()) return sharers(peer, now_ns) <= config_.max_peers;
   const double usual_s = share_of(peer, now_ns).interval_s;
   const double apart_s =
       std::min(patience(peer) * usual_s, std::max(usual_s, config_.resend_interval_s));
@@ -64,6 +71,7 @@ bool AnswerLimiter::has_sent(const std::string& peer, std::uint64_t keyframe_id)
 
 void AnswerLimiter::sent(const std::string& peer, std::uint64_t keyframe_id, TimeNs now_ns,
                          bool awaits_word) {
+  forget_silent(now_ns);
   std::map<std::uint64_t, TimeNs>& history = sent_ns_[peer];
   const double horizon_s = std::max(config_.resend_interval_s, config_.answer_interval_s);
   for (auto old = history.begin(); old != history.end();) {
@@ -71,6 +79,16 @@ void AnswerLimiter::sent(const std::string& peer, std::uint64_t keyframe_id, Tim
   }
   history[keyframe_id] = now_ns;
   if (awaits_word) ++unheard_of_[peer];
+}
+
+void AnswerLimiter::forget_silent(TimeNs now_ns) {
+  for (auto peer = sent_ns_.begin(); peer != sent_ns_.end();) {
+    const bool silent = std::none_of(
+        peer->second.begin(), peer->second.end(),
+        [&](const auto& sent) { return seconds_between(sent.second, now_ns) < memory_s_; });
+    if (silent) unheard_of_.erase(peer->first);
+    peer = silent ? sent_ns_.erase(peer) : std::next(peer);
+  }
 }
 
 }  // namespace covey

@@ -21,13 +21,13 @@ class AnswerLimiter {
     double answer_interval_s = 0.5;  // between two answers to one peer
     double resend_interval_s = 2.0;  // before one peer gets the same keyframe again, or, where it
                                      // finds nothing, another one
-    std::size_t max_peers = 64;      // who invents more names gets no answer
+    std::size_t max_peers = 64;      // at a time: who invents more names gets no answer
     double landmarks_per_s = 400;    // that all peers share; 0: no bound
     int least_landmarks = 40;        // of an answer; if shares are smaller, answers get rarer
     int max_landmarks = 85;          // of an answer
   };
 
-  explicit AnswerLimiter(const Config& config) : config_(config) {}
+  explicit AnswerLimiter(const Config& config);
 
   [[nodiscard]] bool allows(const std::string& peer, TimeNs now_ns) const;
   // Of an answer to this peer now.
@@ -54,8 +54,11 @@ class AnswerLimiter {
   // Times as long as usual, until the peer is answered again.
   [[nodiscard]] double patience(const std::string& peer) const;
 
+  void forget_silent(TimeNs now_ns);  // those that were not answered lately
+
   Config config_;
-  // By peer: when each own keyframe was sent, no longer ago than the resend interval.
+  double memory_s_;  // in which even the most peers are all answered once
+  // By peer: when each own keyframe was sent, as far as it matters for the intervals.
   std::map<std::string, std::map<std::uint64_t, TimeNs>> sent_ns_;
   // By peer: answers in a row of which no word has come.
   std::map<std::string, int> unheard_of_;
