@@ -61,6 +61,19 @@ AnswerRules rules_of(const CollaboratorConfig& config) {
   return rules;
 }
 
+bool is_plausible(const Eigen::Isometry3d& T_world_cam) {
+  constexpr double kNearlyUnit = 1e-3;
+  const Eigen::Matrix3d R = T_world_cam.linear();
+  return T_world_cam.matrix().allFinite() && (R.transpose() * R).isIdentity(kNearlyUnit) &&
+         R.determinant() > 0 && T_world_cam.translation().cwiseAbs().maxCoeff() <= kMaxCoordinate;
+}
+
+bool is_plausible(const CameraView& view) {
+  // Written so that NaN fails too.
+  return is_plausible(view.T_world_cam) && view.mean_depth > 0 && std::isfinite(view.mean_depth) &&
+         view.sigma >= 0;
+}
+
 bool is_finite(const FoundKeyframe& found) {
   return found.T_keyframe_cam.matrix().allFinite() && std::isfinite(found.log_depth_ratio) &&
          found.covariance.allFinite();
@@ -71,15 +84,12 @@ bool is_well_formed(const PeerKeyframe& message) {
   if (!std::isfinite(message.patch_spacing)) return false;
   if (message.found && !is_finite(*message.found)) return false;
   for (const KeyframePose& pose : {message.pose, message.before}) {
-    if (!pose.T_world_cam.matrix().allFinite() || !pose.covariance.allFinite() ||
-        pose.T_world_cam.translation().cwiseAbs().maxCoeff() > kMaxCoordinate) {
-      return false;
-    }
+    if (!is_plausible(pose.T_world_cam) || !pose.covariance.allFinite()) return false;
   }
   return std::all_of(
       message.landmarks.begin(), message.landmarks.end(), [](const PeerLandmark& landmark) {
         return landmark.bearing.allFinite() && std::isfinite(landmark.inverse_depth) &&
-               std::isfinite(landmark.inverse_depth_sigma);
+               landmark.inverse_depth > 0 && std::isfinite(landmark.inverse_depth_sigma);
       });
 }
 
@@ -174,6 +184,7 @@ bool Collaborator::wants_to_ask() {
 }
 
 PlaceAdvert Collaborator::question(PlaceAdvert advert) {
+  forget_strangers_that_left();
   const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 3);
   if (may_ask_briefly(interval_s, corners_told_ns_, advert.stamp_ns)) {
     advert.descriptor.clear();
@@ -355,6 +366,10 @@ void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   ++report_.adverts_received;
+  if (int* counter = mistake_in(advert)) {
+    ++*counter;
+    return std::nullopt;
+  }
   if (has_started_anew(advert)) forget(advert.sender);
   matcher_.note_keyframe(advert.sender, advert.keyframe_id);
   note_stranger(advert.sender);
@@ -393,8 +408,19 @@ std::vector<const Keyframe*> Collaborator::not_just_sent_to(const std::string& p
 }
 
 void Collaborator::note_stranger(const std::string& sender) {
-  if (sender == config_.agent || matcher_.world_of(sender)) return;
-  if (strangers_.size() < config_.limiter.max_peers) strangers_.insert(sender);
+  forget_strangers_that_left();
+  if (matcher_.world_of(sender)) return;
+  if (strangers_.size() < config_.limiter.max_peers || strangers_.count(sender) > 0) {
+    strangers_[sender] = now_ns_;
+  }
+}
+
+void Collaborator::forget_strangers_that_left() {
+  constexpr double kGone_s = 10;  // without a question
+  for (auto stranger = strangers_.begin(); stranger != strangers_.end();) {
+    const bool gone = seconds_between(stranger->second, now_ns_) > kGone_s;
+    stranger = gone ? strangers_.erase(stranger) : std::next(stranger);
+  }
 }
 
 const Keyframe* Collaborator::hear_found(const PeerKeyframe& message) {
@@ -411,32 +437,46 @@ bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
   return matcher_.has_started_anew(advert.sender, advert.keyframe_id);
 }
 
-int* Collaborator::refusal(const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) {
+int* Collaborator::mistake_in(const PlaceAdvert& advert) {
   if (advert.sender == config_.agent) return &report_.advert_own;
-  if (advert.sender.empty()) return &report_.advert_malformed;
+  if (advert.sender.empty() || !is_plausible(advert.view)) return &report_.advert_malformed;
   if (advert.vocabulary_hash != vocabulary_hash_) return &report_.advert_other_vocabulary;
-  if (is_brief(advert)) {
-    if (!asked_from || !is_sure(*asked_from, tolerance_)) return &report_.advert_unknown_asker;
-  } else if (!is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
+  if (!is_brief(advert) &&
+      !is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
     return &report_.advert_malformed;
   }
+  return nullptr;
+}
+
+int* Collaborator::refusal(const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) {
+  if (is_brief(advert) && (!asked_from || !is_sure(*asked_from, tolerance_))) {
+    return &report_.advert_unknown_asker;
+  }
   return limiter_.allows(advert.sender, now_ns_) ? nullptr : &report_.advert_too_soon;
+}
+
+// At these angles, rad.
+std::vector<double> Collaborator::looked_for(const PeerKeyframe& other,
+                                             const KeyframeMatch& match) const {
+  std::vector<PeerLandmark> landmarks;
+  std::copy_if(other.landmarks.begin(), other.landmarks.end(), std::back_inserter(landmarks),
+               [&](const PeerLandmark& landmark) {
+                 return landmark.patch != LandmarkPatch{} &&
+                        is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
+                                   config_.matching.max_relative_sigma);
+               });
+  return viewing_angles(positions_of(landmarks), match.T_other_own, camera_);
 }
 
 // From where it is sure what is looked at.
 void Collaborator::learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match) {
   if (match.aligned.empty() || !matcher_.world_of(other.sender)) return;
-  tolerance_.learn(viewing_angles(positions_of(other.landmarks), match.T_other_own, camera_),
-                   match.aligned.size());
+  tolerance_.learn(looked_for(other, match), match.aligned.size());
 }
 
 bool Collaborator::may_be_another_place(const PeerKeyframe& other,
                                         const KeyframeMatch& match) const {
-  std::vector<PeerLandmark> with_patch;
-  std::copy_if(other.landmarks.begin(), other.landmarks.end(), std::back_inserter(with_patch),
-               [](const PeerLandmark& landmark) { return landmark.patch != LandmarkPatch{}; });
-  const double finds = tolerance_.expected_finds(
-      viewing_angles(positions_of(with_patch), match.T_other_own, camera_));
+  const double finds = tolerance_.expected_finds(looked_for(other, match));
   return static_cast<double>(match.aligned.size()) < config_.least_found_share * finds;
 }
 

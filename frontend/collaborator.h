@@ -22,8 +22,8 @@
 
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -180,8 +180,11 @@ class Collaborator {
   [[nodiscard]] const Keyframe* newest_image() const;
   [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   void note_stranger(const std::string& sender);
+  void forget_strangers_that_left();
   [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
-  // The counter of why an advert gets no answer, or null. `asked_from`: view_of_asker().
+  // The counter of why nobody answers such an advert, or null.
+  [[nodiscard]] int* mistake_in(const PlaceAdvert& advert);
+  // The counter of why it gets no answer now, or null. `asked_from`: view_of_asker().
   [[nodiscard]] int* refusal(const PlaceAdvert& advert,
                              const std::optional<CameraView>& asked_from);
   [[nodiscard]] std::vector<const Keyframe*> not_just_sent_to(const std::string& peer) const;
@@ -189,6 +192,8 @@ class Collaborator {
       const PeerKeyframe& message) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> compare(const Keyframe& own,
                                                              const PeerKeyframe& other) const;
+  [[nodiscard]] std::vector<double> looked_for(const PeerKeyframe& other,
+                                               const KeyframeMatch& match) const;
   [[nodiscard]] bool may_be_another_place(const PeerKeyframe& other,
                                           const KeyframeMatch& match) const;
   // A keyframe with all that is known of its landmarks.
@@ -223,7 +228,8 @@ class Collaborator {
   AnswerLimiter limiter_;
   std::optional<KeyframePose> last_asked_;
   std::optional<TimeNs> corners_told_ns_;  // stamp of the last question that carried them
-  std::set<std::string> strangers_;        // that have asked, from worlds that are not known
+  // When who has asked from a world that is not known did so for the last time.
+  std::map<std::string, TimeNs> strangers_;
   ViewpointTolerance tolerance_;
   CollaboratorReport report_;
 };

@@ -475,7 +475,7 @@ TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
   EXPECT_EQ(team.uav1.report().advert_malformed, 2);
 }
 
-// Corners go along every three seconds, thrice as often while somebody is a stranger.
+// Corners go along every three seconds, thrice as often while a stranger is about.
 TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
   CollaboratorConfig config;
@@ -489,15 +489,24 @@ TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
   EXPECT_TRUE(has_corners(1));
   EXPECT_FALSE(has_corners(3.9)) << "nobody has been heard";
   EXPECT_TRUE(has_corners(4));
-  PlaceAdvert heard;
-  heard.sender = "uav1";
+  Collaborator uav1 = make_drone("uav1");
+  PlaceAdvert heard = look(uav1, make_scene(80, {12, 0, 0}, 77), level_camera({9, 0, 0}), 4, 1);
+  heard.vocabulary_hash += 1;
   EXPECT_FALSE(drone.answer(heard).has_value());
   EXPECT_EQ(drone.report().advert_other_vocabulary, 1);
-  EXPECT_FALSE(has_corners(4.9));
-  EXPECT_TRUE(has_corners(5)) << "uav1 does not know the way here";
+  EXPECT_FALSE(has_corners(5.5)) << "they can never compare places";
+  heard.vocabulary_hash -= 1;
+  (void)drone.answer(heard);
+  EXPECT_TRUE(has_corners(5.9)) << "uav1 does not know the way here";
+  EXPECT_TRUE(has_corners(7));
+  EXPECT_TRUE(has_corners(16.6));
+  EXPECT_FALSE(has_corners(17.8)) << "uav1 has gone";
+  EXPECT_TRUE(has_corners(19.6));
+  (void)drone.answer(heard);
+  EXPECT_TRUE(has_corners(20.7));
   drone.know_world("uav1", Eigen::Isometry3d::Identity());
-  EXPECT_FALSE(has_corners(7.9));
-  EXPECT_TRUE(has_corners(8));
+  EXPECT_FALSE(has_corners(23.6));
+  EXPECT_TRUE(has_corners(23.7));
 }
 
 TEST(Collaborator, AnswersBriefQuestionsOfThoseAloneOfWhomItKnowsWhereTheyAre) {
@@ -611,6 +620,9 @@ TEST(Collaborator, SurvivesHostileMessages) {
   EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.covariance(0, 1) = nan; }));
   EXPECT_TRUE(malformed([&](auto&, auto& l) { l.bearing.x() = nan; }));
   EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth = nan; }));
+  EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth = 0; }));
+  EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth = -0.1; }));
+  EXPECT_TRUE(malformed([&](auto& k, auto&) { k.pose.T_world_cam.linear() *= 2; }));
   EXPECT_TRUE(malformed([&](auto&, auto& l) { l.inverse_depth_sigma = infinity; }));
 
   PeerKeyframe endless = good;
@@ -623,6 +635,28 @@ TEST(Collaborator, SurvivesHostileMessages) {
   nameless.sender.clear();
   EXPECT_EQ(reason_of(team.uav0.match(nameless)), NoMatchReason::kMalformed);
   EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(good))) << "none the worse";
+}
+
+TEST(Collaborator, QuestionsThatNobodyAnswersLeaveNoTrace) {
+  Team team;
+  const double nan = std::nan("");
+  const auto refused = [&](auto change) {
+    PlaceAdvert bad = team.advert;
+    bad.keyframe_id = 1'000'000;  // as if uav0 had flown far
+    change(bad);
+    return !team.uav1.answer(bad).has_value();
+  };
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { a.view.T_world_cam.translation().x() = nan; }));
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { a.view.T_world_cam.linear() *= 2; }));
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { a.view.mean_depth = 0; }));
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { a.view.mean_depth = nan; }));
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { a.view.sigma = nan; }));
+  EXPECT_EQ(team.uav1.report().advert_malformed, 5);
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { ++a.vocabulary_hash; }));
+  team.uav1.know_world("uav0", Eigen::Isometry3d::Identity());
+  EXPECT_TRUE(refused([&](PlaceAdvert& a) { ++a.vocabulary_hash; }));
+  EXPECT_FALSE(team.uav1.has_started_anew(team.advert));
+  EXPECT_TRUE(team.uav1.answer(team.advert).has_value());
 }
 
 TEST(Collaborator, ConfigurationThatCannotWorkIsRefusedByName) {
