@@ -119,6 +119,8 @@ void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("bad_pixel_deviations", p.bad_pixels.deviations, {3, 1e3},
            "from its neighbours' median, of what is typical");
   v.number("bad_pixel_interval_s", p.bad_pixels.interval_s, {0.01, 1e3}, "[s] between two checks");
+  v.number("bad_pixel_travel_px", p.bad_pixels.travel_px, {0, 1e3},
+           "[px] that the scene moves between two checks");
   v.count("bad_pixel_checks", p.bad_pixels.checks, {1, 100}, "in a row");
 }
 
@@ -168,7 +170,7 @@ void visit_alignment(TrackerConfig& tracker, ConfigVisitor& v) {
 void visit_corners(TrackerConfig& tracker, ConfigVisitor& v) {
   v.number("corner_min_distance_px", tracker.corners.min_distance, {1, 1000},
            "[px] between two tracks");
-  v.count("corner_border_px", tracker.corners.border, {0, 1000}, "[px] of the image's edge");
+  v.count("corner_border_px", tracker.corners.border, {8, 1000}, "[px] of the image's edge");
   v.count("corner_start_threshold", tracker.corners.start_threshold, {1, 255},
           "[grey levels] of FAST");
   v.count("corner_min_threshold", tracker.corners.min_threshold, {1, 255},

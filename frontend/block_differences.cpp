@@ -13,6 +13,8 @@
 #include <optional>
 #include <utility>
 
+#include "frontend/white_level.h"
+
 namespace covey {
 namespace {
 
@@ -30,13 +32,13 @@ Eigen::Vector2d to_squares(const Eigen::Vector2d& pixel) {
 
 template <typename Pixel>
 cv::Mat means(const cv::Mat& image) {
-  constexpr auto kWhite = std::numeric_limits<Pixel>::max();
+  const int white = white_level(image);
   cv::Mat small(image.rows / kStep, image.cols / kStep, CV_32FC1);
   for (int y = 0; y < small.rows; ++y) {
     auto* out = small.ptr<float>(y);
     for (int x = 0; x < small.cols; ++x) {
       int sum = 0;
-      Pixel least = kWhite, most = 0;
+      Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
       for (int v = 0; v < kStep; ++v) {
         const Pixel* in = image.ptr<Pixel>(kStep * y + v) + std::ptrdiff_t{kStep} * x;
         for (int u = 0; u < kStep; ++u) {
@@ -45,8 +47,8 @@ cv::Mat means(const cv::Mat& image) {
           most = std::max(most, in[u]);
         }
       }
-      out[x] = least == 0 || most == kWhite ? std::numeric_limits<float>::quiet_NaN()
-                                            : static_cast<float>(sum) / (kStep * kStep);
+      out[x] = least == 0 || most >= white ? std::numeric_limits<float>::quiet_NaN()
+                                           : static_cast<float>(sum) / (kStep * kStep);
     }
   }
   return small;

@@ -7,9 +7,11 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <utility>
 
 #include "estimator/median.h"
 #include "frontend/patch_alignment.h"
+#include "frontend/white_level.h"
 
 namespace covey {
 namespace {
@@ -26,10 +28,9 @@ double pixel(const cv::Mat& image, int y, int x) {
 
 // Mean of a track's patch, grey levels, warped with it: when the camera comes nearer, the mean of
 // a square of the image is that of less of the scene, which looks like a change of gain. Nothing at
-// the image's edge, nor where a pixel has no value of its own: black, white, or all equal, which is
-// how a sensor of fewer bits than its image saturates.
+// the image's edge, nor where a pixel has no value of its own: black, `white`, or all equal.
 template <typename Pixel>
-std::optional<double> patch_grey(const cv::Mat& image, const PatchPlace& place) {
+std::optional<double> patch_grey(const cv::Mat& image, int white, const PatchPlace& place) {
   constexpr int kRadius = kPatch / 2;
   if (!inside(image, place, kRadius)) return std::nullopt;
   const Eigen::Vector2d lowest = place.pixel - kRadius * place.affine.cwiseAbs().rowwise().sum();
@@ -52,9 +53,7 @@ std::optional<double> patch_grey(const cv::Mat& image, const PatchPlace& place) 
       most = std::max(most, above[0]);
     }
   }
-  if (least == most || least == 0 || most == std::numeric_limits<Pixel>::max()) {
-    return std::nullopt;
-  }
+  if (least == most || least == 0 || most >= white) return std::nullopt;
   constexpr float kPixels = kPatch * kPatch;
   return base + sum / kPixels;
 }
@@ -74,12 +73,13 @@ void look_up(const cv::Mat& image, const std::vector<std::int16_t>& table, const
 }
 
 template <typename Pixel>
-void look_up_sensor(const cv::Mat& image, const std::vector<std::int16_t>& table, cv::Mat& levels) {
+void look_up_sensor(const cv::Mat& image, const std::vector<std::int16_t>& table, int white,
+                    cv::Mat& levels) {
   for (int y = 0; y < image.rows; ++y) {
     const Pixel* in = image.ptr<Pixel>(y);
     auto* out = levels.ptr<std::int16_t>(y);
     for (int x = 0; x < image.cols; ++x) {
-      const bool saturated = in[x] == 0 || in[x] == std::numeric_limits<Pixel>::max();
+      const bool saturated = in[x] == 0 || in[x] >= white;
       out[x] = saturated ? StripePattern::kNoLevel : table[in[x]];
     }
   }
@@ -93,10 +93,29 @@ double median_travel(const std::vector<FieldDifference>& blocks) {
   return travels.empty() ? 0 : median(std::move(travels));
 }
 
+bool by_rows(const cv::Point& a, const cv::Point& b) {
+  return std::pair(a.y, a.x) < std::pair(b.y, b.x);
+}
+
+// By how much tracks have moved, px; nothing where none is in both.
+std::optional<double> median_travel(const std::vector<TrackGrey>& before,
+                                    const std::vector<TrackGrey>& now) {
+  std::vector<double> travels;
+  for (const TrackGrey& track : now) {
+    const auto same = std::lower_bound(
+        before.begin(), before.end(), track,
+        [](const TrackGrey& a, const TrackGrey& b) { return a.patch_id < b.patch_id; });
+    if (same == before.end() || same->patch_id != track.patch_id) continue;
+    travels.push_back((track.pixel - same->pixel).norm());
+  }
+  if (travels.empty()) return std::nullopt;
+  return median(std::move(travels));
+}
+
 // The mean of the pixels beside it that are not replaced themselves.
 void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
   const auto is_bad = [&bad](const cv::Point& p) {
-    return std::find(bad.begin(), bad.end(), p) != bad.end();
+    return std::binary_search(bad.begin(), bad.end(), p, by_rows);
   };
   const cv::Rect inside(0, 0, image.cols, image.rows);
   for (const cv::Point& p : bad) {
@@ -115,8 +134,7 @@ struct GreyStatistics {
 };
 
 // Of the pixels that are not saturated.
-GreyStatistics unsaturated(const cv::Mat& image) {
-  const double white = image.depth() == CV_8U ? 255 : 65535;
+GreyStatistics unsaturated(const cv::Mat& image, int white) {
   double count = 0, sum = 0, squares = 0;
   for (int y = 0; y < image.rows; y += kSampleStep) {
     for (int x = 0; x < image.cols; x += kSampleStep) {
@@ -170,6 +188,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   }
   const double elapsed_s = stamp_ns_ == 0 ? 0 : seconds_between(stamp_ns_, stamp_ns);
   image_ = image;
+  white_ = white_level(image);
   stamp_ns_ = stamp_ns;
   if (!blind_) {
     result.map = config_.temporal ? gain_.estimate(look(expected), field_at()) : gain_.latest();
@@ -205,14 +224,14 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
 }
 
 void PhotometricCalibration::choose_units(const cv::Mat& image) {
-  const GreyStatistics statistics = unsaturated(image);
+  const GreyStatistics statistics = unsaturated(image, white_);
   centre_ = statistics.mean;
   sigma_ = statistics.sigma;
 }
 
 // What would give the current image the mean and the deviation of the chain's first.
 GainOffset PhotometricCalibration::like_the_first() const {
-  const GreyStatistics statistics = unsaturated(image_);
+  const GreyStatistics statistics = unsaturated(image_, white_);
   const double gain = sigma_ / statistics.sigma;
   return {gain, centre_ - gain * statistics.mean};
 }
@@ -221,8 +240,9 @@ std::vector<TrackGrey> PhotometricCalibration::look(const std::vector<TrackPlace
   std::vector<TrackGrey> seen;
   seen.reserve(places.size());
   for (const TrackPlace& track : places) {
-    const auto grey = image_.depth() == CV_8U ? patch_grey<std::uint8_t>(image_, track.place)
-                                              : patch_grey<std::uint16_t>(image_, track.place);
+    const auto grey = image_.depth() == CV_8U
+                          ? patch_grey<std::uint8_t>(image_, white_, track.place)
+                          : patch_grey<std::uint16_t>(image_, white_, track.place);
     if (grey) seen.push_back({track.patch_id, track.place.pixel, *grey});
   }
   std::sort(seen.begin(), seen.end(),
@@ -242,11 +262,20 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
   const bool refreshes = config_.spatial || config_.stripes;
   if (refreshes && since_s >= config_.field.refresh_s) refresh(since_s);
+  check_pixels();
+}
+
+// A small warm thing stands out as well: as long as the scene stands still nothing tells them
+// apart.
+void PhotometricCalibration::check_pixels() {
   if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
-  if (seconds_between(checked_ns_, stamp_ns_) >= config_.bad_pixels.interval_s) {
-    checked_ns_ = stamp_ns_;
-    find_bad_pixels(image_);
-  }
+  if (checked_.empty()) checked_ = seen_;
+  if (seconds_between(checked_ns_, stamp_ns_) < config_.bad_pixels.interval_s) return;
+  const std::optional<double> travel_px = median_travel(checked_, seen_);
+  if (travel_px && *travel_px < config_.bad_pixels.travel_px) return;
+  checked_ns_ = stamp_ns_;
+  checked_ = seen_;
+  find_bad_pixels(image_);
 }
 
 // What the field did to the scene since it was last looked at, and the stripes to the image if the
@@ -274,9 +303,9 @@ void PhotometricCalibration::rebuild_bias() {
 cv::Mat PhotometricCalibration::sensor_levels() const {
   cv::Mat levels(image_.size(), CV_16SC1);
   if (image_.depth() == CV_8U) {
-    look_up_sensor<std::uint8_t>(image_, table_, levels);
+    look_up_sensor<std::uint8_t>(image_, table_, white_, levels);
   } else {
-    look_up_sensor<std::uint16_t>(image_, table_, levels);
+    look_up_sensor<std::uint16_t>(image_, table_, white_, levels);
   }
   return levels;
 }
@@ -316,8 +345,8 @@ void PhotometricCalibration::find_bad_pixels(const cv::Mat& image) {
   }
   std::vector<int> suspicion(found.size(), 1);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const auto before = std::find(suspects_.begin(), suspects_.end(), found[i]);
-    if (before == suspects_.end()) continue;
+    const auto before = std::lower_bound(suspects_.begin(), suspects_.end(), found[i], by_rows);
+    if (before == suspects_.end() || *before != found[i]) continue;
     suspicion[i] += suspicion_[static_cast<std::size_t>(before - suspects_.begin())];
   }
   suspects_ = std::move(found);
@@ -340,13 +369,14 @@ void PhotometricCalibration::build_table(const GainOffset& map) {
   }
 }
 
-// Calibrated levels of pixels from all over the image.
+// Calibrated levels of pixels from all over the image that are not saturated.
 std::vector<int> PhotometricCalibration::levels() const {
   std::vector<int> sample;
   for (int y = kSampleStep / 2; y < image_.rows; y += kSampleStep) {
     for (int x = kSampleStep / 2; x < image_.cols; x += kSampleStep) {
-      const auto grey = static_cast<std::size_t>(pixel(image_, y, x));
-      const int level = table_[grey] - bias_.at<std::int16_t>(y, x);
+      const auto grey = static_cast<int>(pixel(image_, y, x));
+      if (grey == 0 || grey >= white_) continue;
+      const int level = table_[static_cast<std::size_t>(grey)] - bias_.at<std::int16_t>(y, x);
       sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
     }
   }

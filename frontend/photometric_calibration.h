@@ -30,6 +30,7 @@ namespace covey {
 struct BadPixelConfig {
   double interval_s = 1;  // s between two checks
   double deviations = 8;  // from the median of its neighbours, robust deviations of all pixels
+  double travel_px = 4;   // of the scene between two checks
   int checks = 3;         // one after the other, before a pixel is replaced
 };
 
@@ -90,6 +91,7 @@ class PhotometricCalibration {
   void refresh(double elapsed_s);
   [[nodiscard]] cv::Mat sensor_levels() const;
   void rebuild_bias();
+  void check_pixels();
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
@@ -103,16 +105,18 @@ class PhotometricCalibration {
   double travelled_px_ = 0;  // by the scene, since the stripes were looked at
   ToneCurve tone_;
 
-  cv::Mat image_;  // the current one, as it came
+  cv::Mat image_;    // the current one, as it came
+  int white_ = 255;  // its grey level where the sensor is saturated
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
-  double centre_ = 0, sigma_ = 1;    // of the chain's first image, grey levels
-  std::vector<std::int16_t> table_;  // image's grey level to calibrated level
-  cv::Mat bias_;                     // CV_16SC1, field and stripes, calibrated levels
-  std::vector<TrackGrey> seen_;      // in the last image; by patch
-  Sight last_sight_;                 // at the last refresh
-  std::vector<cv::Point> suspects_, bad_pixels_;
-  std::vector<int> suspicion_;  // checks in which suspects_[i] stood out
+  double centre_ = 0, sigma_ = 1;                 // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;               // image's grey level to calibrated level
+  cv::Mat bias_;                                  // CV_16SC1, field and stripes, calibrated levels
+  std::vector<TrackGrey> seen_;                   // in the last image; by patch
+  Sight last_sight_;                              // at the last refresh
+  std::vector<TrackGrey> checked_;                // when pixels were checked for the last time
+  std::vector<cv::Point> suspects_, bad_pixels_;  // by rows
+  std::vector<int> suspicion_;                    // checks in which suspects_[i] stood out
 };
 
 }  // namespace covey

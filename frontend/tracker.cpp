@@ -56,14 +56,7 @@ std::optional<Turned> turn(const CameraIntrinsics& camera, const Eigen::Vector2d
   return turned;
 }
 
-// Of the bearing, from that of its pixel.
-Eigen::Matrix2d through_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing,
-                             const Eigen::Matrix2d& pixel_covariance) {
-  Eigen::Matrix2d J;
-  [[maybe_unused]] const Eigen::Vector2d pixel = project(camera, bearing, &J);
-  const Eigen::Matrix2d to_bearing = J.inverse();
-  return to_bearing * pixel_covariance * to_bearing.transpose();
-}
+constexpr int kLeastBorder = 8;  // px, which a patch and a corner's strength reach beyond it
 
 void check(const TrackerConfig& config, const CameraIntrinsics& camera) {
   const auto fail = [](const std::string& what) { throw std::runtime_error("tracker: " + what); };
@@ -73,6 +66,9 @@ void check(const TrackerConfig& config, const CameraIntrinsics& camera) {
   }
   if (!(camera.fx > 0 && camera.fy > 0)) fail("focal length is not positive: check `intrinsics`");
   if (config.max_tracks < 1) fail("max_tracks must be at least 1");
+  if (config.corners.border < kLeastBorder) {
+    fail("corner_border_px must be at least " + std::to_string(kLeastBorder));
+  }
   if (config.pyramid_levels < 1 || config.pyramid_levels > 6) fail("pyramid_levels must be 1..6");
   if (config.outliers.max_lag < 2 || config.outliers.max_lag >= kHistory) {
     fail("outliers.max_lag must be 2.." + std::to_string(kHistory - 1));
@@ -288,7 +284,7 @@ struct Tracker::Impl {
     feature.track_id = track.id;
     feature.pixel = track.place.pixel;
     feature.bearing = track.bearing;
-    feature.covariance = through_lens(camera, track.bearing, track.covariance);
+    feature.covariance = bearing_covariance(camera, track.bearing, track.covariance);
     feature.length = track.length;
     return feature;
   }

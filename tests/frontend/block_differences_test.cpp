@@ -128,5 +128,15 @@ TEST(BlockDifferences, SquaresAreMeansAndHaveNoneWithABlackOrWhitePixel) {
   EXPECT_EQ(square_means(wide).at<float>(0, 0), 29500);
 }
 
+TEST(BlockDifferences, ASensorOfFourteenBitsSaturatesBelowItsImagesWhite) {
+  cv::Mat image(4, 8, CV_16UC1, cv::Scalar(9000));
+  image.at<std::uint16_t>(2, 6) = 16383;
+  const cv::Mat means = square_means(image);
+  EXPECT_EQ(means.at<float>(0, 0), 9000);
+  EXPECT_TRUE(std::isnan(means.at<float>(0, 1)));
+  image.at<std::uint16_t>(2, 6) = 16000;  // merely bright
+  EXPECT_EQ(square_means(image).at<float>(0, 1), 9437.5F);
+}
+
 }  // namespace
 }  // namespace covey

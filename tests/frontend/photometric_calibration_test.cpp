@@ -182,6 +182,20 @@ TEST(PhotometricCalibration, ReplacesHotPixelsAndNoOthers) {
   }
 }
 
+// Nothing tells a bad pixel from a small warm thing until the scene moves.
+TEST(PhotometricCalibration, NoPixelIsBadWhileTheSceneStandsStill) {
+  SyntheticThermal camera(5);
+  camera.hot_pixels = {{40, 50}};
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  const std::vector<TrackPlace> tracks = camera.tracks();
+  TimeNs stamp_ns = camera.stamp_ns();
+  for (int k = 0; k < 200; ++k, stamp_ns += 33'333'333) {
+    EXPECT_EQ(calibration.correct(stamp_ns, camera.expose(), tracks).content, ImageContent::kScene);
+    calibration.observe(tracks);
+  }
+  EXPECT_TRUE(calibration.bad_pixels().empty());
+}
+
 // How much of a pattern of columns is in an image, as it was shown or turned into other units: the
 // steps between columns against the pattern's, regression.
 double share_of(const cv::Mat& columns, const cv::Mat& image) {
@@ -219,6 +233,16 @@ TEST(PhotometricCalibration, ASaturatedHalfDoesNotSteerTheGain) {
   camera.saturated_half = true;
   PhotometricCalibration calibration(free_gain(), kImage);
   EXPECT_LT(fly(camera, calibration, 150).worst_gain_error, 0.03);
+}
+
+TEST(PhotometricCalibration, NorDoesOneOfFourteenOrSixteenBits) {
+  for (const int white : {16383, 65535}) {
+    SyntheticThermal camera(6);
+    camera.saturated_half = true;
+    camera.white16 = white;
+    PhotometricCalibration calibration(free_gain(), kImage);
+    EXPECT_LT(fly(camera, calibration, 150, true).worst_gain_error, 0.03) << white;
+  }
 }
 
 TEST(PhotometricCalibration, AUniformImageShowsNothingAndTheNextStartsAnew) {

@@ -25,6 +25,7 @@ class SyntheticThermal {
   double noise = 0.5;           // grey levels
   double gain = 1, offset = 0;  // of the current image: what takes it to the first one's levels
   bool saturated_half = false;
+  int white16 = 65535;  // largest value of a sensor of 16 bits or fewer
   std::vector<cv::Point> hot_pixels;
   cv::Mat stripes;  // CV_32FC1, grey levels of the first image; empty: none
 
@@ -70,7 +71,8 @@ class SyntheticThermal {
   [[nodiscard]] cv::Mat field() const { return field_sigma * field_; }
   [[nodiscard]] const cv::Mat& last_image() const { return image_; }
 
-  // Grey levels, CV_8UC1, or 16 bits: 100 counts for each of them, 20000 for none.
+  // Grey levels, CV_8UC1, or 16 bits: 100 counts for each of them, 20000 for none, or
+  // less for a sensor of fewer bits.
   cv::Mat expose(bool wide = false) {
     cv::Mat scene;
     const Eigen::Matrix2d R = Eigen::Rotation2Dd(yaw_).toRotationMatrix();
@@ -84,12 +86,14 @@ class SyntheticThermal {
     if (!stripes.empty()) scene += stripes;
     if (saturated_half) scene.colRange(0, kWidth / 2) = 5000;
     if (wide) {
-      scene.convertTo(image_, CV_16UC1, 100 / gain, 20000 - 100 * offset / gain);
+      const double counts = 100.0 * white16 / 65535;
+      scene.convertTo(image_, CV_16UC1, counts / gain, counts * (200 - offset / gain));
+      image_ = cv::min(image_, white16);
     } else {
       scene.convertTo(image_, CV_8UC1, 1 / gain, -offset / gain);
     }
     for (const cv::Point& p : hot_pixels) {
-      if (wide) image_.at<std::uint16_t>(p) = 65535;
+      if (wide) image_.at<std::uint16_t>(p) = static_cast<std::uint16_t>(white16);
       if (!wide) image_.at<std::uint8_t>(p) = 255;
     }
     return image_;
