@@ -280,10 +280,15 @@ void Agent::handle(const PlaceAdvert& advert) {
   note(ExchangeEvent::kHeard, advert.sender, advert.keyframe_id);
   const auto answer = pipeline_.answer(advert);
   if (!answer) return;
-  const bool compact = config_.collaboration.exchange == ExchangeMode::kCompact;
-  if (compact ? link_->send(*answer) : link_->send(pipeline_.with_filter(*answer))) {
+  if (send(*answer)) {
     note(ExchangeEvent::kAnswered, advert.sender, advert.keyframe_id);
   }
+}
+
+bool Agent::send(const PeerKeyframe& answer) {
+  if (config_.collaboration.exchange == ExchangeMode::kCompact) return link_->send(answer);
+  const auto full = pipeline_.with_filter(answer);
+  return full && link_->send(*full);
 }
 
 void Agent::handle(const PeerKeyframe& keyframe) {
@@ -418,6 +423,7 @@ nlohmann::json Agent::exchange_details() const {
   const CollaboratorReport report = pipeline_.collaboration().value_or(CollaboratorReport());
   details["requests"] = {{"received", report.adverts_received},
                          {"answered", report.answered},
+                         {"unexpected", pipeline_.unexpected_questions()},
                          {"malformed", report.advert_malformed},
                          {"other_vocabulary", report.advert_other_vocabulary},
                          {"unknown_asker", report.advert_unknown_asker},

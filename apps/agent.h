@@ -72,6 +72,7 @@ class Agent {
 
  private:
   void handle(const PlaceAdvert& advert);
+  bool send(const PeerKeyframe& answer);
   void handle(const PeerKeyframe& keyframe);
   void count_answer(PeerOutcome outcome, const PeerKeyframe& keyframe);
   void handle(const FullPeerKeyframe& message) { handle(message.keyframe); }

@@ -294,13 +294,19 @@ void Pipeline::keep_filter(std::uint64_t keyframe_id) {
   }
 }
 
-FullPeerKeyframe Pipeline::with_filter(PeerKeyframe answer) const {
-  const FilterSnapshot& filter = filters_.at(answer.pose.keyframe_id);
-  return {std::move(answer), filter};
+std::optional<FullPeerKeyframe> Pipeline::with_filter(PeerKeyframe answer) const {
+  const auto filter = filters_.find(answer.pose.keyframe_id);
+  if (filter == filters_.end()) return std::nullopt;
+  return FullPeerKeyframe{std::move(answer), filter->second};
 }
 
 std::optional<PeerKeyframe> Pipeline::answer(const PlaceAdvert& advert) {
   if (!collaborator_) return std::nullopt;
+  // Where every image is told to all, nobody asks: it comes from a drone of another exchange.
+  if (config_.collaboration.exchange == ExchangeMode::kNaive) {
+    ++unexpected_questions_;
+    return std::nullopt;
+  }
   const StageTimer timer(peer_work_.place_ms);
   if (drift_ && collaborator_->has_started_anew(advert)) drift_->forget_drone(advert.sender);
   return collaborator_->answer(advert);

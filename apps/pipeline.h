@@ -77,8 +77,10 @@ class Pipeline {
   // What peers send; only when flying together.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
   PeerResult fuse(const PeerKeyframe& message);
-  // An answer of the paper's exchange.
-  [[nodiscard]] FullPeerKeyframe with_filter(PeerKeyframe answer) const;
+  // An answer of the paper's exchange. Nothing if the filter at its keyframe was not kept.
+  [[nodiscard]] std::optional<FullPeerKeyframe> with_filter(PeerKeyframe answer) const;
+  // Since the start, in the naive exchange, where nobody asks: not answered.
+  [[nodiscard]] std::int64_t unexpected_questions() const { return unexpected_questions_; }
 
   [[nodiscard]] bool started() const { return start_ns_.has_value(); }
   [[nodiscard]] std::optional<TimeNs> start_ns() const { return start_ns_; }
@@ -140,6 +142,7 @@ class Pipeline {
   Eigen::Isometry3d own_world_ = Eigen::Isometry3d::Identity();
   TimingRecord peer_work_;  // since the last image
   PeerReport peer_landmarks_;
+  std::int64_t unexpected_questions_ = 0;
   AgentStatus status_;
 };
 

@@ -151,7 +151,7 @@ class Drone {
     config.collaboration.exchange = exchange;
     config.collaboration.question = question;
     // A few images from a start at rest: the paper's descriptor says little of them.
-    if (exchange == ExchangeMode::kPaper) config.collaboration.place_threshold = 0.2;
+    if (exchange != ExchangeMode::kCompact) config.collaboration.place_threshold = 0.2;
     return config;
   }
 
@@ -286,7 +286,7 @@ TEST(Pipeline, InThePapersExchangeEveryImageAsksAndAnswersHoldTheFilterOfTheirKe
     auto answer = other.pipeline().answer(*mine.advert);
     if (!answer) continue;
     ++answered;
-    const FullPeerKeyframe full = other.pipeline().with_filter(*answer);
+    const FullPeerKeyframe full = other.pipeline().with_filter(*answer).value();
     EXPECT_EQ(problem_with(full).value_or(""), "");
     EXPECT_EQ(full.filter.stamp_ns, full.keyframe.pose.stamp_ns);
     const bool first = full.keyframe.pose.keyframe_id == 1;  // its filter has seen nothing yet
@@ -316,6 +316,24 @@ TEST(Pipeline, InTheNaiveExchangeEveryImageIsToldToAllWithItsFilter) {
   }
   EXPECT_GT(told, 15);
   EXPECT_GT(one.pipeline().collaboration()->matched, 0);
+}
+
+TEST(Pipeline, InTheNaiveExchangeQuestionsAreCountedAndNotAnswered) {
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kPaper);
+  Drone other("uav1", FlightMode::kCollaborative, ExchangeMode::kNaive);
+  int asked = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.advert) continue;
+    ++asked;
+    EXPECT_FALSE(other.pipeline().answer(*mine.advert));
+  }
+  EXPECT_GT(asked, 15);
+  EXPECT_EQ(other.pipeline().unexpected_questions(), asked);
+  PeerKeyframe answer;
+  answer.pose.keyframe_id = 1;
+  EXPECT_FALSE(other.pipeline().with_filter(answer)) << "it has kept none";
 }
 
 std::string complaint_about(const std::string& vocabulary) {
