@@ -127,7 +127,8 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
 
   ++status_.frames;
   status_.stamp_ns = stamp_ns;
-  const Eigen::Matrix3d R_cam_previous = predicted_rotation(stamp_ns);
+  const Eigen::Quaterniond q_scene_now = turned_since_scene(stamp_ns);
+  const Eigen::Matrix3d R_cam_previous = predicted_rotation(q_scene_now);
   const cv::Mat grey = prepared(stamp_ns, pixels, R_cam_previous, result);
   if (grey.empty()) {
     result.update = estimator_.pass_image(stamp_ns);
@@ -136,6 +137,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
       take_odometry(estimator_.odometry(), result);
       result.odometry = with_team(*result.alone);
     }
+    remember_image(stamp_ns, q_scene_now);
     return result;
   }
   TrackedFrame frame = track(stamp_ns, grey, R_cam_previous, result);
@@ -154,7 +156,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
     result.odometry = with_team(*result.alone);
   }
   result.frame = std::move(frame);
-  forget_old_imu(stamp_ns);
+  remember_image(stamp_ns, Eigen::Quaterniond::Identity());
   return result;
 }
 
@@ -198,7 +200,6 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
   }
   result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
   result.tracks_begun = frame.added;
-  previous_image_ns_ = stamp_ns;
   status_.tracks = static_cast<std::uint32_t>(frame.features.size());
   return frame;
 }
@@ -227,6 +228,13 @@ void Pipeline::start_if_possible(TimeNs stamp_ns) {
   }
 }
 
+// Of an image without scene the turn is kept, and no samples: nobody knows how long that lasts.
+void Pipeline::remember_image(TimeNs stamp_ns, const Eigen::Quaterniond& q_scene_image) {
+  previous_image_ns_ = stamp_ns;
+  q_scene_previous_ = q_scene_image.normalized();
+  forget_old_imu(stamp_ns);
+}
+
 // Kept: what the next image's rotation needs, and before the start what the start needs.
 void Pipeline::forget_old_imu(TimeNs stamp_ns) {
   const double history_s = started() ? 0.0 : 2 * initialisation_.history_s();
@@ -240,12 +248,16 @@ Eigen::Vector3d Pipeline::gyro_bias() const {
   return started() ? estimator_.odometry().gyro_bias : Eigen::Vector3d(Eigen::Vector3d::Zero());
 }
 
-Eigen::Matrix3d Pipeline::predicted_rotation(TimeNs stamp_ns) const {
-  if (!previous_image_ns_) return Eigen::Matrix3d::Identity();
+Eigen::Quaterniond Pipeline::turned_since_scene(TimeNs stamp_ns) const {
+  if (!previous_image_ns_) return Eigen::Quaterniond::Identity();
   const Eigen::Quaterniond q_previous_now = integrate_gyro(
       recent_imu_, imu_moment(*previous_image_ns_), imu_moment(stamp_ns), gyro_bias());
+  return q_scene_previous_ * q_previous_now;
+}
+
+Eigen::Matrix3d Pipeline::predicted_rotation(const Eigen::Quaterniond& q_scene_now) const {
   const Eigen::Quaterniond q_imu_cam = estimator_.extrinsics().q_imu_cam;
-  return (q_imu_cam.conjugate() * q_previous_now.conjugate() * q_imu_cam).toRotationMatrix();
+  return (q_imu_cam.conjugate() * q_scene_now.conjugate() * q_imu_cam).toRotationMatrix();
 }
 
 std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometry& alone,

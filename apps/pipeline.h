@@ -92,6 +92,8 @@ class Pipeline {
   [[nodiscard]] const PhotometricCalibration* calibration() const {
     return calibration_ ? &*calibration_ : nullptr;
   }
+  // IMU samples that are kept for images to come.
+  [[nodiscard]] std::size_t imu_samples_kept() const { return recent_imu_.size(); }
   // As it is estimated; nothing when it is not taken out of images.
   [[nodiscard]] std::optional<double> pixel_lag_s() const {
     return pixel_lag_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
@@ -115,7 +117,10 @@ class Pipeline {
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
   [[nodiscard]] Eigen::Vector3d gyro_bias() const;
-  [[nodiscard]] Eigen::Matrix3d predicted_rotation(TimeNs stamp_ns) const;
+  void remember_image(TimeNs stamp_ns, const Eigen::Quaterniond& q_scene_image);
+  // Of the IMU, from the newest image with a scene to this one.
+  [[nodiscard]] Eigen::Quaterniond turned_since_scene(TimeNs stamp_ns) const;
+  [[nodiscard]] Eigen::Matrix3d predicted_rotation(const Eigen::Quaterniond& q_scene_now) const;
   [[nodiscard]] cv::Mat without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                                     const std::vector<TrackPlace>& expected);
   // `alone`: what the odometry says that peers hear.
@@ -139,6 +144,8 @@ class Pipeline {
   std::map<std::uint64_t, FilterSnapshot> filters_;  // at the keyframes, in the paper's exchange
   std::vector<ImuSample> recent_imu_;
   std::optional<TimeNs> previous_image_ns_, start_ns_;
+  // From the newest image with a scene to the previous image, which may have had none.
+  Eigen::Quaterniond q_scene_previous_ = Eigen::Quaterniond::Identity();
   Eigen::Isometry3d own_world_ = Eigen::Isometry3d::Identity();
   TimingRecord peer_work_;  // since the last image
   PeerReport peer_landmarks_;

@@ -4,10 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <iterator>
 #include <opencv2/core.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -38,6 +41,18 @@ TEST(IntegrateGyro, TurnsByRateTimesTimeBetweenTheStamps) {
 TEST(IntegrateGyro, TakesTheBiasAway) {
   const auto q = integrate_gyro(turning(0.5, 1), 0, nanoseconds(1), {0, 0, 0.5});
   EXPECT_NEAR(log_quaternion(q).norm(), 0, 1e-12);
+}
+
+TEST(IntegrateGyro, TurnsOfTwoPartsMakeTheWholeTurn) {
+  std::vector<ImuSample> imu = turning(0.5, 1);
+  for (std::size_t i = 0; i < imu.size(); ++i)
+    imu[i].gyro_imu.x() = std::sin(0.1 * static_cast<double>(i));
+  const TimeNs begin_ns = nanoseconds(0.1033), end_ns = nanoseconds(0.7071);
+  const TimeNs between_ns = nanoseconds(0.4012);
+  const auto whole = integrate_gyro(imu, begin_ns, end_ns, {0, 0, 0});
+  const auto first = integrate_gyro(imu, begin_ns, between_ns, {0, 0, 0});
+  const auto rest = integrate_gyro(imu, between_ns, end_ns, {0, 0, 0});
+  EXPECT_LT(whole.angularDistance(first * rest), 1e-9);
 }
 
 TEST(IntegrateGyro, WithoutSamplesThereIsNoTurn) {
@@ -122,9 +137,9 @@ TEST(Initialisation, ADroneThatMovesDoesNotStandStill) {
 class Drone {
  public:
   Drone(const std::string& name, FlightMode mode, ExchangeMode exchange = ExchangeMode::kCompact,
-        const KeyframeRule& question = {})
+        const KeyframeRule& question = {}, ThermalMode thermal = ThermalMode::kAuto)
       : dataset_(read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / name / "mav0")),
-        pipeline_(config(name, mode, exchange, question),
+        pipeline_(config(name, mode, exchange, question, thermal),
                   {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
                   dataset_.ground_truth) {}
 
@@ -133,19 +148,27 @@ class Drone {
 
   ImageResult fly(std::size_t index) {
     const ImageEntry& image = dataset_.images.at(index);
+    return fly(index, read_image(image, dataset_.camera.width, dataset_.camera.height));
+  }
+  // As if the camera saw a wall.
+  ImageResult fly_blind(std::size_t index) {
+    return fly(index, cv::Mat(dataset_.camera.height, dataset_.camera.width, CV_8UC1, 100.0));
+  }
+
+ private:
+  ImageResult fly(std::size_t index, const cv::Mat& pixels) {
+    const ImageEntry& image = dataset_.images.at(index);
     while (next_imu_ < dataset_.imu.size()) {
       const ImuSample& sample = dataset_.imu[next_imu_++];
       pipeline_.add_imu(sample);
       if (sample.stamp_ns > image.stamp_ns) break;
     }
-    return pipeline_.add_image(image.stamp_ns,
-                               read_image(image, dataset_.camera.width, dataset_.camera.height));
+    return pipeline_.add_image(image.stamp_ns, pixels);
   }
-
- private:
   static AgentConfig config(const std::string& name, FlightMode mode, ExchangeMode exchange,
-                            const KeyframeRule& question) {
+                            const KeyframeRule& question, ThermalMode thermal) {
     AgentConfig config;
+    config.thermal.mode = thermal;
     config.agent.name = name;
     config.agent.mode = mode;
     config.collaboration.exchange = exchange;
@@ -171,6 +194,46 @@ TEST(Pipeline, SameInputGivesBitEqualOdometry) {
     EXPECT_EQ(a.odometry->pose_covariance, b.odometry->pose_covariance);
   }
   EXPECT_TRUE(one.pipeline().started());
+}
+
+TEST(Pipeline, ABlindCameraLeavesNoMoreSamplesThanOneThatSees) {
+  Drone drone("uav0", FlightMode::kSolo, ExchangeMode::kCompact, {}, ThermalMode::kCalibrated);
+  for (std::size_t i = 0; i < 10; ++i) (void)drone.fly(i);
+  ASSERT_TRUE(drone.pipeline().started());
+  const std::size_t kept = drone.pipeline().imu_samples_kept();
+  for (std::size_t i = 10; i < drone.images(); ++i) {
+    ASSERT_EQ(drone.fly_blind(i).content, ImageContent::kUniform);
+    EXPECT_LE(drone.pipeline().imu_samples_kept(), kept + 1);
+  }
+}
+
+std::set<std::uint64_t> lasting_tracks(const TrackedFrame& frame) {
+  std::set<std::uint64_t> tracks;
+  for (const TrackedFeature& feature : frame.features) {
+    if (feature.length > 10) tracks.insert(feature.track_id);
+  }
+  return tracks;
+}
+
+// The first image after them is looked for where the turn since the last scene has moved it.
+TEST(Pipeline, AfterBlindImagesTracksAreFoundAsAfterImagesThatNeverCame) {
+  constexpr std::size_t kLastSeen = 29, kSeesAgain = 34;
+  const auto make = [] {
+    return Drone("uav0", FlightMode::kSolo, ExchangeMode::kCompact, {}, ThermalMode::kCalibrated);
+  };
+  Drone blind = make(), late = make();
+  for (std::size_t i = 0; i <= kLastSeen; ++i) {
+    (void)blind.fly(i);
+    (void)late.fly(i);
+  }
+  for (std::size_t i = kLastSeen + 1; i < kSeesAgain; ++i) (void)blind.fly_blind(i);
+  const std::set<std::uint64_t> found = lasting_tracks(blind.fly(kSeesAgain).frame);
+  const std::set<std::uint64_t> expected = lasting_tracks(late.fly(kSeesAgain).frame);
+  ASSERT_GT(expected.size(), 30U);
+  std::vector<std::uint64_t> both;
+  std::set_intersection(found.begin(), found.end(), expected.begin(), expected.end(),
+                        std::back_inserter(both));
+  EXPECT_GT(both.size(), 0.95 * static_cast<double>(expected.size()));
 }
 
 TEST(Pipeline, AloneItAsksNobodyAndAnswersNobody) {
