@@ -21,8 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kStatusFileInterval_s = 1;
-
 Dataset recording_of(const AgentSettings& agent) {
   if (agent.dataset.empty()) throw std::runtime_error("agent.dataset says no folder");
   Dataset dataset = read_recording(agent.dataset);
@@ -107,12 +105,13 @@ bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& st
 
 Agent::Agent(const AgentConfig& config)
     : config_(config),
+      folder_(make_folder(config.agent)),
+      status_file_(folder_ / kAgentStatusFile),
       dataset_(recording_of(config.agent)),
       pipeline_(config,
                 {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),
       link_(open_link(config)),
-      folder_(make_folder(config.agent)),
       odometry_file_(folder_),
       timing_file_(folder_),
       link_file_(folder_),
@@ -136,6 +135,7 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   count(stamp_ns, result.content);
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
+  show_status();
   const double now_ms = steady_ms();
   if (cpu_load_.due(now_ms)) cpu_load_.sample(now_ms, cpu_s());
 }
@@ -188,13 +188,7 @@ void Agent::publish(const ImageResult& result) {
     note(ExchangeEvent::kAnswered, kEveryPeer, result.announcement->keyframe.pose.keyframe_id);
   }
   if (result.odometry) link_->publish(*result.odometry);
-  const TimeNs stamp_ns = result.timing.stamp_ns;
   publish_status();
-  if (last_status_file_ns_ == 0 ||
-      seconds_between(last_status_file_ns_, stamp_ns) >= kStatusFileInterval_s) {
-    write_status(stamp_ns);
-    last_status_file_ns_ = stamp_ns;
-  }
 }
 
 void Agent::publish_status() {
@@ -204,21 +198,28 @@ void Agent::publish_status() {
   told_status_ = status;
 }
 
-// For who looks at a drone from outside: a container's health check, a person.
-void Agent::write_status(TimeNs stamp_ns) const {
+void Agent::show_status() {
+  if (status_file_.due(steady_ms())) write_status();
+}
+
+void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
+
+nlohmann::json Agent::status_json() const {
+  const TimeNs first_ns = dataset_.images.front().stamp_ns;
+  nlohmann::json status = {{"stamp_s", frames_ > 0 ? seconds_between(first_ns, last_ns_) : 0.0},
+                           {"frames", frames_},
+                           {"frames_dropped", dropped_},
+                           {"memory_mib", own_memory_mib()}};
+  if (!link_) return status;
   const LinkStatistics statistics = link_->statistics();
-  write_json_file(folder_ / kAgentStatusFile,
-                  {{"stamp_s", seconds_between(dataset_.images.front().stamp_ns, stamp_ns)},
-                   {"frames", frames_},
-                   {"frames_dropped", dropped_},
-                   {"peers", link_->peers()},
-                   {"fused", peer_counts_.fused},
-                   {"dropped_by_load", statistics.dropped},
-                   {"clocks", to_json(clock_summaries(statistics))},
-                   {"link_restarts", statistics.restarts},
-                   {"memory_mib", own_memory_mib()},
-                   {"wire_bytes_sent", statistics.wire_bytes_sent},
-                   {"wire_bytes_received", statistics.wire_bytes_received}});
+  status["peers"] = link_->peers();
+  status["fused"] = peer_counts_.fused;
+  status["dropped_by_load"] = statistics.dropped;
+  status["clocks"] = to_json(clock_summaries(statistics));
+  status["link_restarts"] = statistics.restarts;
+  status["wire_bytes_sent"] = statistics.wire_bytes_sent;
+  status["wire_bytes_received"] = statistics.wire_bytes_received;
+  return status;
 }
 
 void Agent::note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id) {
@@ -249,10 +250,13 @@ template <typename Peers>
 bool Agent::wait_for_peers(const Peers& peers, std::chrono::milliseconds patience) {
   constexpr std::chrono::milliseconds kStopPoll{200};
   const auto deadline = std::chrono::steady_clock::now() + patience;
-  while (!link_->wait_for_peers(peers, kStopPoll)) {
-    if (stop_requested() || std::chrono::steady_clock::now() > deadline) return false;
-  }
-  return true;
+  bool met = false;
+  do {
+    met = link_->wait_for_peers(peers, kStopPoll);
+    show_status();
+  } while (!met && !stop_requested() && std::chrono::steady_clock::now() <= deadline);
+  write_status();
+  return met;
 }
 
 ArrivalCounts Agent::wait_for_arrivals(const ArrivalCounts& expected,

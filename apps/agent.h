@@ -21,6 +21,7 @@
 #include "apps/process_usage.h"
 #include "apps/run_files.h"
 #include "apps/run_summary.h"
+#include "apps/status_file.h"
 #include "comms/link.h"
 
 namespace covey {
@@ -28,7 +29,7 @@ namespace covey {
 // What an agent leaves beside the files of run_files.h.
 inline constexpr char kAgentConfigFile[] = "config.json";
 inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
-inline constexpr char kAgentStatusFile[] = "status.json";  // while flying, once a second
+inline constexpr char kAgentStatusFile[] = "status.json";  // once a second
 
 // What became of the peers' messages, since the start: of answers, and how much was learnt from
 // what peers have found of own keyframes.
@@ -64,6 +65,7 @@ class Agent {
   void take_inbox();       // puts aside what has arrived
   void handle_messages();  // in the order of stamp and sender
 
+  void show_status();  // in status.json, unless that was done within the last second
   [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
@@ -83,7 +85,8 @@ class Agent {
   void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
   void publish_status();
-  void write_status(TimeNs stamp_ns) const;
+  void write_status();
+  [[nodiscard]] nlohmann::json status_json() const;
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] double cpu_s() const;
@@ -94,10 +97,12 @@ class Agent {
   [[nodiscard]] nlohmann::json exchange_details() const;
 
   AgentConfig config_;
+  // First of all: who looks at the folder meanwhile shall not take an earlier flight for this one.
+  std::filesystem::path folder_;
+  StatusFile status_file_;
   Dataset dataset_;
   Pipeline pipeline_;
   std::unique_ptr<Link> link_;  // none when flown alone
-  std::filesystem::path folder_;
   OdometryWriter odometry_file_;
   TimingWriter timing_file_;
   LinkWriter link_file_;
@@ -115,7 +120,6 @@ class Agent {
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
   TimeNs last_ns_ = 0;
-  TimeNs last_status_file_ns_ = 0;
   std::optional<AgentStatus> told_status_;
 };
 

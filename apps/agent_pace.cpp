@@ -227,6 +227,7 @@ bool fly_by_clock(Agent& agent, Control& control) {
     agent.take_inbox();
     agent.handle_messages();
     if (image) agent.fly(image->stamp_ns, image->pixels, image->read_ms);
+    agent.show_status();
     control.show_progress(agent);
   }
   agent.count_dropped(reader.dropped());

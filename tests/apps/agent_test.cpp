@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
 
 namespace covey {
 namespace {
@@ -109,7 +110,37 @@ TEST(Agent, FliesAloneWithoutATeam) {
   EXPECT_GT(summary.frames, 5);
   EXPECT_GT(*summary.cpu_ms_per_frame, 0);
   EXPECT_EQ(read_timings(out / kTimingsFile).size(), static_cast<std::size_t>(summary.frames));
+  EXPECT_TRUE(json::parse(file_content(out / kAgentStatusFile)).contains("frames"));
   fs::remove_all(out);
+}
+
+TEST(StatusFile, IsDueASecondAfterItWasWritten) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path() / kAgentStatusFile;
+  StatusFile status(file);
+  EXPECT_EQ(json::parse(file_content(file)), json({{"frames", 0}})) << "there from the start";
+  status.write({{"frames", 7}}, 5000);
+  EXPECT_EQ(json::parse(file_content(file))["frames"], 7);
+  EXPECT_FALSE(status.due(5999));
+  EXPECT_TRUE(status.due(6000));
+}
+
+TEST(Agent, AStatusThatCannotBeWrittenEndsNoFlight) {
+  const TemporaryFolder folder;
+  const json settings = {
+      {"agent", {{"pace", "rate"}, {"duration_s", 1.5}}},
+      {"link", {{"team", "test" + std::to_string(getpid())}, {"domain", 101 + getpid() % 90}}}};
+  const fs::path config = folder.write("agent.json", settings.dump());
+  // What is written beside the file before it takes its place.
+  (void)folder.write("out/status.json.part/in_the_way", "");
+  CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
+                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out",
+                      (folder.path() / "out").string()});
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  const std::string words = "status.json: cannot be written";
+  const std::size_t first = covey.output().find(words);
+  ASSERT_NE(first, std::string::npos) << covey.output();
+  EXPECT_EQ(covey.output().find(words, first + 1), std::string::npos) << "one line is enough";
 }
 
 TEST(Agent, PrintsASettingForEveryKeyAndReadsThemBack) {

@@ -8,6 +8,7 @@
 
 #include <chrono>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "apps/agent.h"
 #include "apps/json_file.h"
@@ -82,6 +83,20 @@ TEST_F(CollectedFlight, OneThatFellSilentIsNamedInTheReport) {
   ASSERT_EQ(report("0.1"), 0) << output_;
   const RunSummary summary = read_run_summary(run() / "summary.json");
   EXPECT_EQ(summary.agents.at("uav1").incomplete, "ended without a summary");
+}
+
+TEST_F(CollectedFlight, WhoWaitsForOthersIsHealthy) {
+  CoveyProcess uav0(agent("uav0"));
+  const fs::path status = run() / "uav0" / kAgentStatusFile;
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  bool waits = false;
+  while (!waits && std::chrono::steady_clock::now() < deadline) {
+    waits = fs::exists(status) && read_json_file(status).contains("peers");
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  EXPECT_TRUE(waits) << "nothing was written while it waited";
+  uav0.send(SIGTERM);
+  EXPECT_EQ(uav0.finish(), 1);
 }
 
 TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {

@@ -238,7 +238,7 @@ TEST(HostilePackets, NoImageIsLostAndTheTeamTalksAgain) {
     EXPECT_EQ(agent["frames"], COVEY_TEST_FLIGHT_FRAMES);
     EXPECT_EQ(agent["frames_dropped"], 0);
     EXPECT_LT(agent["max_rss_mib"], 1500);
-    // Written once in a second of the recording, the last time long after the attack.
+    // Written once a second, the last time long after the attack.
     const json status = json::parse(file_content(run / drone / kAgentStatusFile));
     EXPECT_EQ(status["peers"].size(), 1U) << drone << " does not find its peer again";
     const Heard after = heard_since(run / drone, end_ms);
