@@ -468,7 +468,7 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 
 }  // namespace
 
-void Agent::finish() {
+void Agent::finish(const std::optional<std::string>& incomplete) {
   if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();
@@ -478,7 +478,9 @@ void Agent::finish() {
     thermal_file_->close();
     write_field(folder_, pipeline_.calibration()->field());
   }
-  nlohmann::json json = to_json(summary());
+  AgentSummary told = summary();
+  told.incomplete = incomplete;
+  nlohmann::json json = to_json(told);
   if (link_) json["exchange_details"] = exchange_details();
   json["own_world"] = level_frame_json(pipeline_.own_world());
   if (pipeline_.team_knowledge() != nullptr) {

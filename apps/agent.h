@@ -69,8 +69,8 @@ class Agent {
   [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
-  // Closes the files and writes the summary.
-  void finish();
+  // Closes the files and writes the summary. `incomplete`: why the flight ended early, if it did.
+  void finish(const std::optional<std::string>& incomplete = {});
 
  private:
   void handle(const PlaceAdvert& advert);

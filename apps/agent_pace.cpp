@@ -278,7 +278,7 @@ bool run_agent(const AgentConfig& config, std::optional<int> control_fd) {
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
   control.say(ready_reply(agent.images()));
   const bool complete = meet_peers(agent, control) && fly(agent, control);
-  agent.finish();
+  agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
   return complete;
 }
 

@@ -118,7 +118,7 @@ AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
                              : from_timings(timings);
   summary.stage_ms = summarize_stages(timings);
   evaluate(drone, folder, summary);
-  summary.incomplete = ended_early;
+  if (ended_early) summary.incomplete = ended_early;  // else what the drone itself says
   return summary;
 }
 

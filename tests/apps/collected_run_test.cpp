@@ -97,6 +97,10 @@ TEST_F(CollectedFlight, WhoWaitsForOthersIsHealthy) {
   EXPECT_TRUE(waits) << "nothing was written while it waited";
   uav0.send(SIGTERM);
   EXPECT_EQ(uav0.finish(), 1);
+  ASSERT_EQ(report("60"), 0) << output_;
+  EXPECT_EQ(read_run_summary(run() / "summary.json").agents.at("uav0").incomplete, "was stopped");
+  EXPECT_THAT(output_, HasSubstr("was stopped"));
+  EXPECT_THAT(file_content(run() / "report.html"), HasSubstr("was stopped"));
 }
 
 TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
