@@ -37,10 +37,11 @@ fs::path make_folder(const AgentSettings& agent) {
   std::error_code error;
   fs::create_directories(agent.out, error);
   if (error) throw std::runtime_error(agent.out + ": cannot be made: " + error.message());
-  // By these others see whether this flight goes on or has ended; not an earlier one.
-  for (const char* file : {kAgentSummaryFile, kAgentStatusFile})
-    fs::remove(fs::path(agent.out) / file);
-  return agent.out;
+  // By the first two others see whether this flight goes on or has ended; not an earlier one.
+  const fs::path folder = agent.out;
+  for (const char* file : {kAgentSummaryFile, kAgentStatusFile}) fs::remove(folder / file);
+  for (const char* file : kRunFiles) fs::remove(folder / file);
+  return folder;
 }
 
 // Whether the whole filter fits into a message.

@@ -7,7 +7,7 @@
 //   trajectory_covariance.csv  stamp_ns and the upper triangle of the 6x6 covariance of [dp dtheta]
 //   groundtruth.tum            the drone's ground truth, if its dataset has one (write_tum)
 //   timings.csv                one line per image: time of each stage, counts
-//   link.csv                   one line per image or second: what went over the link so far
+//   link.csv                   one line per image: what went over the link so far
 //   exchange.csv               one line per question and answer: when it was sent or handled
 //   thermal.csv                one line per image of a calibrated thermal camera: gain and offset
 //   thermal_field.csv          its additive field at the end, row by row, grey levels
@@ -36,6 +36,10 @@ inline constexpr char kLinkFile[] = "link.csv";
 inline constexpr char kExchangeFile[] = "exchange.csv";
 inline constexpr char kThermalFile[] = "thermal.csv";
 inline constexpr char kFieldFile[] = "thermal_field.csv";
+// All of them: what is taken away before a drone flies anew.
+inline constexpr const char* kRunFiles[] = {kTrajectoryFile, kCovarianceFile, kGroundTruthFile,
+                                            kTimingsFile,    kLinkFile,       kExchangeFile,
+                                            kThermalFile,    kFieldFile};
 inline constexpr char kSoloFolder[] = "solo";
 
 // One image: milliseconds of CPU time per stage, then counts.

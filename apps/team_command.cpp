@@ -105,11 +105,9 @@ void clear_run(const fs::path& run) {
   fs::remove(run / "report.html");
   for (const auto& entry : fs::directory_iterator(run)) {
     if (!entry.is_directory() || !fs::exists(entry.path() / kAgentConfigFile)) continue;
-    for (const char* name :
-         {kTrajectoryFile, kCovarianceFile, kGroundTruthFile, kTimingsFile, kLinkFile,
-          kExchangeFile, kAgentConfigFile, kAgentSummaryFile, kAgentStatusFile}) {
+    for (const char* name : kRunFiles) fs::remove(entry.path() / name);
+    for (const char* name : {kAgentConfigFile, kAgentSummaryFile, kAgentStatusFile})
       fs::remove(entry.path() / name);
-    }
     if (fs::is_empty(entry.path())) fs::remove(entry.path());
   }
 }

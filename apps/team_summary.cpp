@@ -188,10 +188,7 @@ std::string table_line(const std::string& name, const AgentSummary& agent,
 }  // namespace
 
 void drop_incomplete_lines(const fs::path& folder) {
-  for (const char* name :
-       {kTrajectoryFile, kCovarianceFile, kTimingsFile, kLinkFile, kExchangeFile}) {
-    drop_incomplete_line(folder / name);
-  }
+  for (const char* name : kRunFiles) drop_incomplete_line(folder / name);
 }
 
 RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,

@@ -212,6 +212,18 @@ TEST_F(Team, ARunThatIsThereIsNotOverwritten) {
   EXPECT_THAT(covey.output(), AllOf(HasSubstr("is not empty"), HasSubstr("--force")));
 }
 
+TEST_F(Team, ForceTakesAwayAllThatAnEarlierRunHasLeft) {
+  fs::create_directories(run_ / "uav1");
+  for (const char* file : {"config.json", "agent_summary.json", "status.json", "trajectory.tum",
+                           "trajectory_covariance.csv", "groundtruth.tum", "timings.csv",
+                           "link.csv", "exchange.csv", "thermal.csv", "thermal_field.csv"}) {
+    std::ofstream(run_ / "uav1" / file) << "old";
+  }
+  CoveyProcess covey(command({"--mode", "solo", "--agents", "uav0", "--force"}));
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_FALSE(fs::exists(run_ / "uav1"));
+}
+
 TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
   const fs::path broken = run_.string() + "_dataset";
   fs::remove_all(broken);
