@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/collected_run.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <chrono>
 #include <stdexcept>
@@ -27,12 +29,30 @@ std::vector<DroneFolder> drones_that_flew(const CollectedRun& collected) {
 
 bool has_summary(const fs::path& folder) { return fs::exists(folder / kAgentSummaryFile); }
 
-bool all_have_ended(const CollectedRun& collected, double silence_s) {
+double seconds_since(fs::file_time_type moment) {
+  return std::chrono::duration<double>(fs::file_time_type::clock::now() - moment).count();
+}
+
+bool has_summary_since(const fs::path& folder, fs::file_time_type start) {
+  std::error_code absent;
+  const auto written = fs::last_write_time(folder / kAgentSummaryFile, absent);
+  return !absent && written >= start;
+}
+
+bool all_have_ended(const CollectedRun& collected, const Wait& wait) {
   const std::vector<DroneFolder> drones = drones_that_flew(collected);
   return !drones.empty() && std::all_of(drones.begin(), drones.end(), [&](const auto& drone) {
-    const fs::path folder = collected.run / drone.name;
-    return has_summary(folder) || silent_for_s(folder) > silence_s;
+    return has_ended(collected.run / drone.name, wait);
   });
+}
+
+void warn_of_earlier_flights(const CollectedRun& collected, const Wait& wait) {
+  for (const DroneFolder& drone : drones_that_flew(collected)) {
+    const fs::path folder = collected.run / drone.name;
+    if (has_summary(folder) && !has_summary_since(folder, wait.start))
+      spdlog::warn("{}: its summary was there before the wait began: of an earlier flight?",
+                   drone.name);
+  }
 }
 
 }  // namespace
@@ -42,13 +62,19 @@ double silent_for_s(const fs::path& folder) {
   std::error_code error;
   const auto last = fs::last_write_time(fs::exists(status) ? status : folder, error);
   if (error) throw std::runtime_error(folder.string() + ": no drone has been here");
-  return std::chrono::duration<double>(fs::file_time_type::clock::now() - last).count();
+  return seconds_since(last);
+}
+
+bool has_ended(const fs::path& folder, const Wait& wait) {
+  if (has_summary_since(folder, wait.start)) return true;
+  return seconds_since(wait.start) > wait.silence_s && silent_for_s(folder) > wait.silence_s;
 }
 
 void wait_for_end(const CollectedRun& collected, double silence_s) {
   constexpr std::chrono::milliseconds kPoll{200};
-  while (!all_have_ended(collected, silence_s) && !stop_requested())
-    std::this_thread::sleep_for(kPoll);
+  const Wait wait{fs::file_time_type::clock::now(), silence_s};
+  while (!all_have_ended(collected, wait) && !stop_requested()) std::this_thread::sleep_for(kPoll);
+  warn_of_earlier_flights(collected, wait);
 }
 
 RunSummary summarize_collected(const CollectedRun& collected) {

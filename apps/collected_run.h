@@ -20,8 +20,18 @@ struct CollectedRun {
 // Since the drone that writes to `folder` last said that it flies.
 [[nodiscard]] double silent_for_s(const std::filesystem::path& folder);
 
-// Returns once at least one drone is there and all that are have ended: they have written their
-// summary, or nothing for `silence_s`. Or when a stop was asked for.
+struct Wait {
+  std::filesystem::file_time_type start;
+  double silence_s = 0;
+};
+
+// Whether the drone that writes to `folder` has written its summary since the wait began, or
+// nothing for so long. An older summary is of an earlier flight into the same folder, whose drone
+// may be about to start again.
+[[nodiscard]] bool has_ended(const std::filesystem::path& folder, const Wait& wait);
+
+// Returns once at least one drone is there and all that are have ended, or when a stop was asked
+// for.
 void wait_for_end(const CollectedRun& collected, double silence_s);
 
 // As a team does at its end: evaluates and writes RUN/summary.json. A drone without a summary is

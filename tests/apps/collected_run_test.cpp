@@ -97,10 +97,36 @@ TEST_F(CollectedFlight, WhoWaitsForOthersIsHealthy) {
   EXPECT_TRUE(waits) << "nothing was written while it waited";
   uav0.send(SIGTERM);
   EXPECT_EQ(uav0.finish(), 1);
-  ASSERT_EQ(report("60"), 0) << output_;
+  ASSERT_EQ(report("0.3"), 0) << output_;
   EXPECT_EQ(read_run_summary(run() / "summary.json").agents.at("uav0").incomplete, "was stopped");
   EXPECT_THAT(output_, HasSubstr("was stopped"));
   EXPECT_THAT(file_content(run() / "report.html"), HasSubstr("was stopped"));
+}
+
+TEST_F(CollectedFlight, TheSummaryOfAnEarlierFlightIsNoEnd) {
+  const auto now = fs::file_time_type::clock::now();
+  const auto earlier = now - std::chrono::hours(1);
+  const fs::path summary = folder_.write("uav0/agent_summary.json", "{}");
+  const fs::path status = folder_.write("uav0/status.json", "{}");
+  const fs::path drone = summary.parent_path();
+  const std::chrono::seconds waited(30);
+  fs::last_write_time(summary, earlier);
+  fs::last_write_time(status, earlier);
+  EXPECT_FALSE(has_ended(drone, {now, 20})) << "it may be about to start again";
+  EXPECT_TRUE(has_ended(drone, {now - waited, 20})) << "nobody has come";
+  fs::last_write_time(status, now);
+  EXPECT_FALSE(has_ended(drone, {now - waited, 20})) << "it flies again";
+  fs::last_write_time(summary, now);
+  EXPECT_TRUE(has_ended(drone, {now - waited, 20}));
+}
+
+TEST_F(CollectedFlight, ADroneThatCannotStartLeavesNoEarlierFlight) {
+  const fs::path summary = folder_.write("run/uav0/agent_summary.json", "{}");
+  const fs::path gains = folder_.write("run/uav0/thermal.csv", "stamp_ns,chain_ns,gain,offset\n");
+  CoveyProcess covey({"agent", "--dataset", "/nowhere", "--out", summary.parent_path().string()});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_FALSE(fs::exists(summary));
+  EXPECT_FALSE(fs::exists(gains));
 }
 
 TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
