@@ -104,6 +104,20 @@ bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& st
          seconds_between(told->stamp_ns, status.stamp_ns) >= kInterval_s;
 }
 
+std::string words_on_peers(const std::set<std::string>& there, std::size_t expected,
+                           const LinkStatistics& statistics) {
+  std::string names, rejected;
+  for (const std::string& peer : there) names += (names.empty() ? ": " : ", ") + peer;
+  for (const auto& [peer, reasons] : statistics.rejected) {
+    for (const auto& [reason, count] : reasons) {
+      rejected += (rejected.empty() ? "; rejected: " : ", ") + peer + " (" + reason + ", " +
+                  std::to_string(count) + " times)";
+    }
+  }
+  return std::to_string(there.size()) + " of " + std::to_string(expected) + " peers found" + names +
+         rejected;
+}
+
 Agent::Agent(const AgentConfig& config)
     : config_(config),
       folder_(make_folder(config.agent)),
@@ -200,7 +214,20 @@ void Agent::publish_status() {
 }
 
 void Agent::show_status() {
-  if (status_file_.due(steady_ms())) write_status();
+  if (!status_file_.due(steady_ms())) return;
+  write_status();
+  if (link_) warn_of_namesake();
+}
+
+// Both then ask and answer in one name, and nobody else can tell them apart.
+void Agent::warn_of_namesake() {
+  if (warned_of_namesake_) return;
+  for (const auto& [peer, reasons] : link_->statistics().rejected) {
+    if (reasons.count(kNamesake) == 0) continue;
+    spdlog::warn("{}: give each drone of the team an agent.name of its own", kNamesake);
+    warned_of_namesake_ = true;
+    return;
+  }
 }
 
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
@@ -215,6 +242,7 @@ nlohmann::json Agent::status_json() const {
   const LinkStatistics statistics = link_->statistics();
   status["peers"] = link_->peers();
   status["fused"] = peer_counts_.fused;
+  status["rejected_by_link"] = statistics.rejected;
   status["dropped_by_load"] = statistics.dropped;
   status["clocks"] = to_json(clock_summaries(statistics));
   status["link_restarts"] = statistics.restarts;
@@ -245,6 +273,10 @@ bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds p
 
 bool Agent::meet(std::size_t peers, std::chrono::milliseconds patience) {
   return !link_ || peers == 0 || wait_for_peers(peers, patience);
+}
+
+std::string Agent::words_on_peers(std::size_t expected) const {
+  return covey::words_on_peers(link_->peers(), expected, link_->statistics());
 }
 
 template <typename Peers>

@@ -42,6 +42,10 @@ struct PeerCounts {
 // changes, and now and then. That the drone is there the link says by itself.
 [[nodiscard]] bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& status);
 
+// Who of the expected peers is there, and why others were not heard, for people: one line.
+[[nodiscard]] std::string words_on_peers(const std::set<std::string>& there, std::size_t expected,
+                                         const LinkStatistics& statistics);
+
 // The drone itself: what its images and its peers' messages do to it and to its files. One thread.
 class Agent {
  public:
@@ -60,6 +64,7 @@ class Agent {
   // Peers. Nothing happens when flown alone.
   [[nodiscard]] bool meet(const std::set<std::string>& peers, std::chrono::milliseconds patience);
   [[nodiscard]] bool meet(std::size_t peers, std::chrono::milliseconds patience);
+  [[nodiscard]] std::string words_on_peers(std::size_t expected) const;
   ArrivalCounts wait_for_arrivals(const ArrivalCounts& expected,
                                   std::chrono::milliseconds patience);
   void take_inbox();       // puts aside what has arrived
@@ -87,6 +92,7 @@ class Agent {
   void publish_status();
   void write_status();
   [[nodiscard]] nlohmann::json status_json() const;
+  void warn_of_namesake();
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] double cpu_s() const;
@@ -116,6 +122,7 @@ class Agent {
   int zero_velocity_images_ = 0, reinitialized_ = 0;
   int repeated_images_ = 0, uniform_images_ = 0;
   std::optional<TimeNs> blind_since_ns_;
+  bool warned_of_namesake_ = false;
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;

@@ -252,20 +252,22 @@ bool meet_peers(Agent& agent, Control& control) {
   const AgentSettings& settings = agent.config().agent;
   if (settings.mode == FlightMode::kSolo) return true;
   bool all = true;
+  auto expected = static_cast<std::size_t>(settings.wait_for_peers);
   if (!control.has_team()) {
     const auto patience = static_cast<std::int64_t>(1e3 * settings.peer_timeout_s);
-    all = agent.meet(static_cast<std::size_t>(settings.wait_for_peers), milliseconds(patience));
+    all = agent.meet(expected, milliseconds(patience));
   } else {
     const std::optional<Command> command = control.next();
     if (!command) return false;
     const auto* meet = std::get_if<MeetCommand>(&*command);
     if (meet == nullptr) throw std::runtime_error("the team does not say whom to meet");
+    expected = meet->peers.size();
     all = agent.meet(std::set<std::string>(meet->peers.begin(), meet->peers.end()),
                      milliseconds(meet->patience_ms));
     control.say(MetReply{all});
   }
   if (!all && control.goes_on()) {
-    spdlog::warn("not all peers were found in time; flying with those that are there");
+    spdlog::warn("{}; flying with those that are there", agent.words_on_peers(expected));
   }
   return control.goes_on();
 }

@@ -22,6 +22,9 @@ namespace covey {
 
 using Inbound = std::variant<PlaceAdvert, PeerKeyframe, FullPeerKeyframe, AgentStatus>;
 
+// Why samples are rejected that claim to come from this drone itself.
+inline constexpr char kNamesake[] = "another drone bears this drone's name";
+
 // Samples of one kind. Payload bytes are the serialised sample, without RTPS and UDP headers. What
 // is sent to all drones counts once.
 struct KindStatistics {

@@ -76,7 +76,7 @@ void LinkState::receive_request(const Bytes& bytes, const PeerId& from) {
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     reject_locked(from, rejected->reason);
   else if (std::get<PlaceAdvert>(decoded).sender == agent_)
-    reject_locked(from, "another drone bears this drone's name");
+    reject_locked(from, kNamesake);
   else
     accept(&statistics_.request, bytes.size(), std::get<PlaceAdvert>(std::move(decoded)));
   changed_.notify_all();
@@ -91,7 +91,7 @@ void LinkState::receive_message(Decoded<Message> decoded, std::size_t bytes, con
   } else {
     const PeerKeyframe& keyframe = keyframe_of(std::get<Message>(decoded));
     if (keyframe.sender == agent_)
-      reject_locked(from, "another drone bears this drone's name");
+      reject_locked(from, kNamesake);
     else if (keyframe.receiver != agent_ && !keyframe.receiver.empty())
       reject_locked(from, "meant for another drone");
     else
@@ -109,7 +109,7 @@ void LinkState::receive_status(const Bytes& bytes, const PeerId& from) {
     return reject_locked(from, rejected->reason);
   const StatusSample& sample = std::get<StatusSample>(decoded);
   const AgentStatus& status = sample.status;
-  if (status.agent == agent_) return reject_locked(from, "another drone bears this drone's name");
+  if (status.agent == agent_) return reject_locked(from, kNamesake);
 
   table_.set_hears(from, tokens(sample.hears));
   table_.set_status_stamps(from, sample.sent_ns, received_ns);

@@ -97,6 +97,16 @@ TEST(AgentStatus, IsToldAtFirstOnChangeAndEveryFiveSeconds) {
   EXPECT_TRUE(is_status_due(told, status)) << "a change does not wait";
 }
 
+TEST(WordsOnPeers, NameWhoIsThereAndWhyOthersWereNotHeard) {
+  LinkStatistics statistics;
+  EXPECT_EQ(words_on_peers({}, 2, statistics), "0 of 2 peers found");
+  statistics.rejected["uav2"]["other wire version"] = 3;
+  statistics.rejected["unknown"]["malformed packet"] = 1;
+  EXPECT_EQ(words_on_peers({"uav1", "uav3"}, 3, statistics),
+            "2 of 3 peers found: uav1, uav3; rejected: uav2 (other wire version, 3 times), "
+            "unknown (malformed packet, 1 times)");
+}
+
 TEST(Agent, FliesAloneWithoutATeam) {
   const fs::path out = fs::path(testing::TempDir()) / "covey_agent_alone";
   fs::remove_all(out);

@@ -78,6 +78,24 @@ TEST_F(CollectedFlight, TwoDronesThatFlewByThemselvesGetOneReport) {
   EXPECT_TRUE(fs::exists(run() / "report.html"));
 }
 
+TEST_F(CollectedFlight, ANamesakeIsNoPeerAndBothSaySo) {
+  const auto uav0_to = [this](const std::string& folder) {
+    std::vector<std::string> arguments = agent("uav0");
+    arguments.back() = (run() / folder).string();
+    return arguments;
+  };
+  CoveyProcess one(uav0_to("one")), other(uav0_to("other"));
+  const std::string words = "another drone bears this drone's name: give each drone";
+  EXPECT_TRUE(one.wait_for(words)) << one.output();
+  EXPECT_TRUE(other.wait_for(words)) << other.output();
+  const json status = read_json_file(run() / "one" / kAgentStatusFile);
+  EXPECT_FALSE(status.at("rejected_by_link").empty()) << status;
+  one.send(SIGTERM);
+  other.send(SIGTERM);
+  EXPECT_EQ(one.finish(), 1);
+  EXPECT_EQ(other.finish(), 1);
+}
+
 TEST_F(CollectedFlight, OneThatFellSilentIsNamedInTheReport) {
   fs::create_directories(run() / "uav1");
   ASSERT_EQ(report("0.1"), 0) << output_;
