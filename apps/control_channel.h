@@ -46,7 +46,7 @@ using Command = std::variant<MeetCommand, ReceiveCommand, AdvanceCommand, GoComm
 
 struct ReadyReply {
   TimeNs first_ns = 0, last_ns = 0;  // first and last image
-  double image_period_s = 0;         // median
+  double image_period_s = 0;         // mean
 };
 struct MetReply {
   bool all = false;
