@@ -12,7 +12,8 @@ Initialisation::Initialisation(const InitialisationConfig& config, double gravit
   static_.gravity = gravity;
   if (config_.method == InitMethod::kGroundTruth && !truth_) {
     throw std::runtime_error(
-        "a start from ground truth is asked for, but the dataset has none; use the static start");
+        "initialisation.method is groundtruth, but the dataset has none: set initialisation.method "
+        "to static, which starts from standing still");
   }
 }
 

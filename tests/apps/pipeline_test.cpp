@@ -99,7 +99,9 @@ TEST(Initialisation, FromGroundTruthWaitsUntilItIsThere) {
 }
 
 TEST(Initialisation, FromGroundTruthThatIsMissingIsAnError) {
-  EXPECT_THROW(Initialisation({}, 9.81, std::nullopt), std::runtime_error);
+  EXPECT_THAT([] { Initialisation({}, 9.81, std::nullopt); },
+              ::testing::ThrowsMessage<std::runtime_error>(
+                  ::testing::HasSubstr("set initialisation.method to static")));
 }
 
 TEST(Initialisation, StandingStillTakesPlaceAndYawFromTheTruthAndTheRestFromTheImu) {
