@@ -96,6 +96,12 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
 
 std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
+// Before anything of an earlier flight is taken away.
+const AgentConfig& checked(const AgentConfig& config) {
+  require_possible(config);
+  return config;
+}
+
 }  // namespace
 
 bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& status) {
@@ -119,7 +125,7 @@ std::string words_on_peers(const std::set<std::string>& there, std::size_t expec
 }
 
 Agent::Agent(const AgentConfig& config)
-    : config_(config),
+    : config_(checked(config)),
       folder_(make_folder(config.agent)),
       status_file_(folder_ / kAgentStatusFile),
       dataset_(recording_of(config.agent)),

@@ -95,6 +95,32 @@ LinkConfig link_config(const AgentConfig& config) {
   return link;
 }
 
+// Drones that start in worlds of their own may be anywhere in each other's.
+CollaboratorConfig collaborator_config(const AgentConfig& config) {
+  CollaboratorConfig collaboration = config.collaboration;
+  collaboration.agent = config.agent.name;
+  collaboration.matching.common_start = config.fusion.drift.common_start;
+  if (!config.fusion.drift.common_start) {
+    collaboration.matching.verification.max_offset = 1e6;
+    collaboration.matching.verification.max_yaw = M_PI;
+  }
+  return collaboration;
+}
+
+void require_possible(const AgentConfig& config) {
+  if (config.agent.mode == FlightMode::kSolo) return;
+  if (config.initialisation.own_world && config.fusion.drift.common_start) {
+    throw std::runtime_error(
+        "initialisation.own_world is true, and fusion.common_start too: drones that start each in "
+        "a world of its own share none; set fusion.common_start to false");
+  }
+  if (!config.fusion.drift.common_start && config.fusion.mode != FusionMode::kJoint) {
+    throw std::runtime_error(
+        "fusion.common_start is false, which needs fusion.mode joint: the other fuses drones that "
+        "share one world");
+  }
+}
+
 std::string print_config(const AgentConfig& config) {
   AgentConfig copy = config;
   const auto json = to_ordered_json([&](ConfigVisitor& visitor) { visit_config(copy, visitor); });

@@ -115,6 +115,12 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
 // The link of this drone, as its settings want it.
 [[nodiscard]] LinkConfig link_config(const AgentConfig& config);
 
+// What this drone's side of the exchange is set to.
+[[nodiscard]] CollaboratorConfig collaborator_config(const AgentConfig& config);
+
+// Throws std::runtime_error for settings that contradict each other, which name both keys.
+void require_possible(const AgentConfig& config);
+
 [[nodiscard]] std::string print_config(const AgentConfig& config);  // JSON
 // One line per key: key, default, range, meaning and unit.
 [[nodiscard]] std::string describe_config();

@@ -34,13 +34,6 @@ TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& senso
   return tracker;
 }
 
-CollaboratorConfig collaborator_config(const AgentConfig& config) {
-  CollaboratorConfig collaboration = config.collaboration;
-  collaboration.agent = config.agent.name;
-  collaboration.matching.common_start = config.fusion.drift.common_start;
-  return collaboration;
-}
-
 // Adds the time since its birth to one field.
 class StageTimer {
  public:

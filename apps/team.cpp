@@ -345,8 +345,6 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
   if (options.unknown_start) {
     config.initialisation.own_world = true;
     config.fusion.drift.common_start = false;
-    config.collaboration.matching.verification.max_offset = 1e6;
-    config.collaboration.matching.verification.max_yaw = M_PI;
   }
   // Keys belong to the team that the configuration names.
   if (config.link.security.empty()) config.link.team = "team" + std::to_string(getpid());
@@ -356,6 +354,7 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
       std::max(config.link.max_agents, static_cast<int>(options.drones.size()));
   // Nothing of a radio: in lockstep nothing may be lost, however slow the machine.
   if (options.pace == Pace::kLockstep) config.link_profile = lockstep_profile(config.link);
+  require_possible(config);
   return config;
 }
 

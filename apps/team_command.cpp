@@ -144,10 +144,6 @@ TeamOptions team_options(const Options& options) {
     team.config_name = options.config_file;
   }
   team.unknown_start = options.unknown_start;
-  if (team.unknown_start && team.config.value("/fusion/mode"_json_pointer, "joint") != "joint") {
-    throw std::runtime_error(
-        "--unknown-start needs fusion.mode joint: the other fuses drones that share one world");
-  }
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
   (void)agent_config(team, team.drones.front(), 0);

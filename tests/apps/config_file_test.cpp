@@ -18,6 +18,7 @@ namespace {
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 AgentConfig merged(const json& settings) {
   AgentConfig config;
@@ -144,6 +145,31 @@ TEST(ConfigFile, KeysThatHoldAnglesEndInDeg) {
     const std::string key = line.substr(0, line.find(' '));
     EXPECT_EQ(in_degrees, key.size() > 4 && key.substr(key.size() - 4) == "_deg") << line;
   }
+}
+
+TEST(AgentConfig, AWorldOfItsOwnIsNoCommonStart) {
+  AgentConfig config;
+  EXPECT_NO_THROW(require_possible(config));
+  config.initialisation.own_world = true;
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(AllOf(HasSubstr("initialisation.own_world"),
+                                                      HasSubstr("fusion.common_start to false"))));
+  config.fusion.drift.common_start = false;
+  EXPECT_NO_THROW(require_possible(config));
+  config.fusion.mode = FusionMode::kIntersectedState;
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("needs fusion.mode joint")));
+}
+
+TEST(AgentConfig, WithoutACommonStartPeersMayBeAnywhere) {
+  AgentConfig config;
+  const VerificationConfig near = collaborator_config(config).matching.verification;
+  EXPECT_EQ(near.max_offset, config.collaboration.matching.verification.max_offset);
+  config.fusion.drift.common_start = false;
+  const CollaboratorConfig lost = collaborator_config(config);
+  EXPECT_FALSE(lost.matching.common_start);
+  EXPECT_GE(lost.matching.verification.max_offset, 1e6);
+  EXPECT_GE(lost.matching.verification.max_yaw, M_PI);
 }
 
 }  // namespace
