@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <stdexcept>
@@ -28,7 +29,10 @@ AgentConfig configuration(const Options& options) {
   if (!options.name.empty()) config.agent.name = options.name;
   if (!options.dataset.empty()) config.agent.dataset = options.dataset;
   if (!options.out.empty()) config.agent.out = options.out;
-  if (options.team_of > 0) config.agent.wait_for_peers = options.team_of - 1;
+  if (options.team_of > 0) {
+    config.agent.wait_for_peers = options.team_of - 1;
+    config.link.max_agents = std::max(config.link.max_agents, options.team_of);
+  }
   if (options.thermal == "raw") config.thermal.mode = ThermalMode::kRaw;
   if (options.thermal == "calibrated") config.thermal.mode = ThermalMode::kCalibrated;
   return config;
@@ -88,7 +92,7 @@ void add_agent_command(CLI::App& covey) {
   command
       ->add_option("--team-of", options->team_of,
                    "Drones in the team, this one included: waits for the others")
-      ->check(CLI::Range(1, 200));
+      ->check(CLI::Range(1, kMaxAgents));
   command->add_option("--thermal", options->thermal, "Instead of thermal.mode")
       ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_flag("--print-config", options->print_config, "Print every setting as JSON");

@@ -109,6 +109,12 @@ CollaboratorConfig collaborator_config(const AgentConfig& config) {
 
 void require_possible(const AgentConfig& config) {
   if (config.agent.mode == FlightMode::kSolo) return;
+  if (config.agent.wait_for_peers >= config.link.max_agents) {
+    throw std::runtime_error("agent.wait_for_peers is " +
+                             std::to_string(config.agent.wait_for_peers) +
+                             ", and link.max_agents of " + std::to_string(config.link.max_agents) +
+                             " counts this drone too: raise it");
+  }
   if (config.initialisation.own_world && config.fusion.drift.common_start) {
     throw std::runtime_error(
         "initialisation.own_world is true, and fusion.common_start too: drones that start each in "

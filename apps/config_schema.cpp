@@ -21,7 +21,8 @@ void visit_agent(AgentSettings& agent, ConfigVisitor& v) {
   v.count("image_queue", agent.image_queue, {1, 1000},
           "images that wait at pace 'rate'; then the oldest is dropped");
   v.number("duration_s", agent.duration_s, {0, kManyTimes}, "[s] of the recording; 0: all");
-  v.count("wait_for_peers", agent.wait_for_peers, {0, 200}, "drones to be in touch with at start");
+  v.count("wait_for_peers", agent.wait_for_peers, {0, kMaxAgents - 1},
+          "drones to be in touch with at start");
   v.number("peer_timeout_s", agent.peer_timeout_s, {0, kManyTimes},
            "[s] then the drone flies without them");
 }
@@ -370,7 +371,7 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
 void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.text("team", link.team, "teams do not hear each other");
   v.count("domain", link.domain, {0, 200}, "DDS domain");
-  v.count("max_agents", link.max_agents, {1, 200}, "in a team");
+  v.count("max_agents", link.max_agents, {2, kMaxAgents}, "in a team");
   v.flag("loopback_only", link.loopback_only, "nothing leaves this machine");
   v.texts("interfaces", link.interfaces, "own IPv4 addresses to use; empty: all");
   v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones");

@@ -19,8 +19,6 @@
 
 namespace covey {
 
-inline constexpr std::size_t kMaxNetworkDrones = 200;
-
 // Why namespaces cannot be made here; nothing when they can.
 [[nodiscard]] std::optional<std::string> why_no_namespaces();
 

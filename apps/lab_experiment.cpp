@@ -7,7 +7,6 @@
 
 #include "apps/config_file.h"
 #include "apps/config_visitor.h"
-#include "apps/drone_network.h"
 #include "apps/json_file.h"
 
 namespace covey {
@@ -153,7 +152,7 @@ LabVariant read_variant(StrictObject& object) {
 }
 
 void read_grid(StrictObject& object, LabGrid& grid) {
-  object.counts("drones", grid.drones, {0, static_cast<double>(kMaxNetworkDrones)});
+  object.counts("drones", grid.drones, {0, kMaxAgents});
   object.texts("profiles", grid.profiles);
   object.texts("exchanges", grid.exchanges);
   for (const std::string& exchange : grid.exchanges) {

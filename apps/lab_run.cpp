@@ -140,10 +140,10 @@ class LabRun {
 void LabRun::check() const {
   for (const int count : experiment_.grid.drones) {
     const bool too_many = experiment_.fly && count > static_cast<int>(drones_.size());
-    if (count >= 2 && !too_many) continue;
+    if (count >= 2 && count <= kMaxAgents && !too_many) continue;
     fail(options_, "drones",
-         "is " + std::to_string(count) + ", but a team has at least 2 and " +
-             options_.dataset.string() + " has " + std::to_string(drones_.size()));
+         "is " + std::to_string(count) + ", but a team has 2 to " + std::to_string(kMaxAgents) +
+             " and " + options_.dataset.string() + " has " + std::to_string(drones_.size()));
   }
   const auto known = [this](const std::string& name) {
     const std::size_t index = index_of(name);

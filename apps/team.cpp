@@ -350,8 +350,13 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
   if (config.link.security.empty()) config.link.team = "team" + std::to_string(getpid());
   config.link.domain = domain;
   config.link.loopback_only = true;
+  const std::size_t drones = options.drones.size();
+  if (options.mode == FlightMode::kCollaborative && drones > kMaxAgents) {
+    throw std::runtime_error("a team has at most " + std::to_string(kMaxAgents) + " drones, not " +
+                             std::to_string(drones));
+  }
   config.link.max_agents =
-      std::max(config.link.max_agents, static_cast<int>(options.drones.size()));
+      std::max(config.link.max_agents, std::min(static_cast<int>(drones), kMaxAgents));
   // Nothing of a radio: in lockstep nothing may be lost, however slow the machine.
   if (options.pace == Pace::kLockstep) config.link_profile = lockstep_profile(config.link);
   require_possible(config);

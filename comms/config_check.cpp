@@ -112,7 +112,7 @@ void check(const LinkConfig& config) {
   check_name("agent", config.agent);
   check_name("team", config.team);
   check_range("domain", config.domain, 0, 200);
-  check_range("max_agents", config.max_agents, 2, 32);
+  check_range("max_agents", config.max_agents, 2, kMaxAgents);
   require(config.inbox_limit > 0, "inbox_limit is 0: nothing could be received");
   check(config.profile);
   check_discovery(config);

@@ -27,6 +27,10 @@
 
 namespace covey {
 
+// Drones in a team. A status has room for twice as many that are heard (kMaxHears): drones that
+// come back are other ones until their ghosts have gone, and strangers may be about.
+inline constexpr int kMaxAgents = 32;
+
 struct LinkConfig {
   std::string agent;           // 1..32 characters of [A-Za-z0-9_-], unique in its team
   std::string team = "covey";  // same characters; teams do not hear each other

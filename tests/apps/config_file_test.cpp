@@ -161,6 +161,18 @@ TEST(AgentConfig, AWorldOfItsOwnIsNoCommonStart) {
               ThrowsMessage<std::runtime_error>(HasSubstr("needs fusion.mode joint")));
 }
 
+TEST(AgentConfig, NobodyWaitsForMoreThanATeamMayBe) {
+  EXPECT_THAT(complaint_about({{"link", {{"max_agents", kMaxAgents + 1}}}}),
+              HasSubstr("link.max_agents"));
+  EXPECT_THAT(complaint_about({{"agent", {{"wait_for_peers", kMaxAgents}}}}),
+              HasSubstr("agent.wait_for_peers"));
+  AgentConfig config = merged({{"agent", {{"wait_for_peers", 16}}}});
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("link.max_agents of 16")));
+  config.link.max_agents = 17;
+  EXPECT_NO_THROW(require_possible(config));
+}
+
 TEST(AgentConfig, WithoutACommonStartPeersMayBeAnywhere) {
   AgentConfig config;
   const VerificationConfig near = collaborator_config(config).matching.verification;

@@ -140,7 +140,7 @@ TEST_F(Lab, AMistakeIsOneLineThatNamesTheKey) {
   const json partition{{"from_s", 0}, {"until_s", 1}, {"apart", {"uav7"}}};
   for (const auto& [experiment, complaint] : std::vector<std::pair<json, std::string>>{
            {{{"name", "n"}, {"lost", 1}}, "unknown key 'lost'"},
-           {{{"name", "n"}, {"drones", 5}}, "'drones' is 5, but a team has at least 2"},
+           {{{"name", "n"}, {"drones", 5}}, "'drones' is 5, but a team has 2 to 32"},
            {{{"name", "n"}, {"partitions", {partition}}}, "'partitions.apart' names uav7"}}) {
     CoveyProcess covey(command(experiment));
     EXPECT_EQ(covey.finish(), 1);

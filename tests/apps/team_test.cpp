@@ -212,6 +212,17 @@ TEST_F(Team, ARunThatIsThereIsNotOverwritten) {
   EXPECT_THAT(covey.output(), AllOf(HasSubstr("is not empty"), HasSubstr("--force")));
 }
 
+TEST_F(Team, MoreDronesThanALinkHoldsAreNamedBeforeAnythingIsTakenAway) {
+  TeamOptions options;
+  options.out = run_;
+  for (int i = 0; i <= kMaxAgents; ++i)
+    options.drones.push_back({"uav" + std::to_string(i), "data/mav0"});
+  EXPECT_THAT([&] { (void)agent_config(options, options.drones.front(), 0); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("at most 32 drones, not 33")));
+  options.mode = FlightMode::kSolo;
+  EXPECT_EQ(agent_config(options, options.drones.front(), 0).link.max_agents, kMaxAgents);
+}
+
 TEST_F(Team, ForceTakesAwayAllThatAnEarlierRunHasLeft) {
   fs::create_directories(run_ / "uav1");
   for (const char* file : {"config.json", "agent_summary.json", "status.json", "trajectory.tum",
