@@ -2,6 +2,7 @@
 #include "apps/lab_experiment.h"
 
 #include <cstdio>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -228,15 +229,19 @@ void read_network(StrictObject& object, LabExperiment& experiment, const std::st
   }
 }
 
-// A mistake in the agents' settings shows now, not in the first flight.
+// A mistake in the agents' settings shows now, not in the first flight: merged as for a flight.
 void check_agents(const LabExperiment& experiment, const std::string& file) {
-  AgentConfig config;
-  merge_config(experiment.config, file + ", 'config'", config);
+  AgentConfig base;
+  merge_config(experiment.config, file + ", 'config'", base);
   for (const LabVariant& variant : experiment.grid.variants) {
-    merge_config(variant.config, file + ", 'variants.config'", config);
-  }
-  for (const std::string& profile : experiment.grid.profiles) {
-    merge_config(Json{{"link", {{"profile", profile}}}}, file + ", 'profiles'", config);
+    Json settings = experiment.config;
+    settings.merge_patch(variant.config);
+    AgentConfig config;
+    merge_config(settings, file + ", 'variants.config'", config);
+    for (const std::string& profile : experiment.grid.profiles) {
+      AgentConfig flown = config;
+      merge_config(Json{{"link", {{"profile", profile}}}}, file + ", 'profiles'", flown);
+    }
   }
 }
 
@@ -279,11 +284,21 @@ LabExperiment experiment_from_json(const Json& json, const std::string& file) {
   if (const Json* config = object.find("config")) experiment.config = *config;
   object.refuse_others();
   check_agents(experiment, file);
+  require_different(cells_of(experiment), file);
   return experiment;
 }
 
 LabExperiment read_experiment(const std::filesystem::path& file) {
   return experiment_from_json(read_json_file(file), file.string());
+}
+
+void require_different(const std::vector<LabCell>& cells, const std::string& file) {
+  std::set<std::string> names;
+  for (const LabCell& cell : cells) {
+    if (names.insert(cell.name()).second) continue;
+    throw std::runtime_error(file + ": two flights would be named " + cell.name() +
+                             ": list no value twice, and name every variant differently");
+  }
 }
 
 std::vector<LabCell> cells_of(const LabExperiment& experiment) {

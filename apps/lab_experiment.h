@@ -88,5 +88,7 @@ struct LabCell {
 
 // In the order they are flown: seeds and repeats last, so that every setting is seen early.
 [[nodiscard]] std::vector<LabCell> cells_of(const LabExperiment& experiment);
+// Throws std::runtime_error if two of them bear one name: they would share one result.
+void require_different(const std::vector<LabCell>& cells, const std::string& file);
 
 }  // namespace covey

@@ -76,6 +76,7 @@ class LabRun {
       if (count == 0) count = static_cast<int>(drones_.size());
     }
     cells_ = cells_of(experiment_);
+    require_different(cells_, options.experiment_file.string());
     if (experiment_.seconds > 0) experiment_.config["agent"]["duration_s"] = experiment_.seconds;
     check();
   }

@@ -65,6 +65,35 @@ TEST(LabExperiment, ReadsWhatTheLinksDo) {
   EXPECT_EQ(cells_of(experiment).front().variant.name, "few");
 }
 
+TEST(LabExperiment, FlightsOfOneNameAreRefused) {
+  const auto variant = [](const char* name, int pairs) {
+    return json{{"name", name}, {"config", {{"link", {{"max_agents", pairs}}}}}};
+  };
+  for (const json& twice :
+       {json{{"name", "n"}, {"variants", {variant("few", 3), variant("few", 4)}}},
+        json{{"name", "n"}, {"loss", {0.1, 0.10000001}}}, json{{"name", "n"}, {"seeds", {3, 3}}}}) {
+    EXPECT_THAT([&] { (void)read(twice); },
+                ThrowsMessage<std::runtime_error>(
+                    AllOf(HasSubstr("e.json: two flights would be named lossy_wifi_compact_"),
+                          HasSubstr("name every variant differently"))));
+  }
+}
+
+TEST(LabExperiment, EachVariantIsCheckedAsItIsFlown) {
+  // Too few bytes for a datagram of lossy_wifi; the first one's profile has no such limit.
+  const json small{{"link", {{"override", {{"load.drone_burst_bytes", 1200}}}}}};
+  const json clean{{"link", {{"profile", "clean"}}}};
+  const auto experiment = [](const json& first, const json& second) {
+    return json{
+        {"name", "n"},
+        {"variants",
+         {{{"name", "first"}, {"config", first}}, {{"name", "second"}, {"config", second}}}}};
+  };
+  EXPECT_NO_THROW((void)read(experiment(clean, clean)));
+  EXPECT_THAT([&] { (void)read(experiment(clean, small)); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("drone_burst_bytes")));
+}
+
 struct Mistake {
   json content;
   const char* complaint;
