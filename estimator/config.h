@@ -28,7 +28,7 @@ struct EstimatorConfig {
   ImuNoise imu_noise;
   CameraExtrinsics extrinsics;
   double gravity = 9.81;        // m/s2
-  double max_imu_gap_s = 0.05;  // longer ones are bridged, counted and cost confidence
+  double max_imu_gap_s = 0.05;  // longer ones are bridged and counted
   double max_gyro = 35.0;       // rad/s; a sample beyond is refused
   double max_accel = 200.0;     // m/s2; a sample beyond is refused
 

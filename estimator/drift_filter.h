@@ -74,8 +74,9 @@ class DriftFilter {
   void add_own(const KeyframePose& pose);
   DriftOutcome add(const RelativePose& measurement);
 
-  // All that a peer has said, since it began another flight. add() sees that by itself where its
-  // ids begin again and its clock goes on.
+  // All that a peer has said, since it began another flight. add() sees that by itself where a
+  // keyframe of the peer that is in the state is older and its id not lower; relative poses that
+  // wait for the peer's world to be found do not show it.
   void forget_drone(const std::string& peer);
 
   // The odometry's output with the present drift taken out.

@@ -176,8 +176,8 @@ PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_nam
   return message;
 }
 
-// T_own_other is the inverse of what was found: with R = Exp(dtheta) R^ its errors are
-// -R dp + [p]x R dtheta and -R dtheta (R, p: of T_own_other), and the ratio is turned over too.
+// T_other_own is the inverse of what was found: with R = Exp(dtheta) R^ its errors are
+// -R dp + [p]x R dtheta and -R dtheta (R, p: of T_other_own), and the ratio is turned over too.
 RelativePose found_by_peer(const PeerKeyframe& message, const KeyframePose& own,
                            const KeyframePose& own_before) {
   const FoundKeyframe& found = *message.found;

@@ -30,7 +30,8 @@ struct WorldVoteConfig {
 
 class WorldVote {
  public:
-  // Those that agree, the newest last, once that is enough; they are forgotten then. Else nothing.
+  // Those that agree, oldest first, once that is enough; everything is forgotten then. Else
+  // nothing. No two are of one keyframe: the newest is left out if it repeats one.
   [[nodiscard]] std::vector<RelativePose> add(const WorldVoteConfig& config,
                                               const RelativePose& measurement);
 
