@@ -14,7 +14,6 @@ constexpr double kLeastWeight = 1e-4;  // of either: nothing is divided by zero
 Intersection intersection_at(double w, const Eigen::Matrix4d& A, const Eigen::Matrix4d& B) {
   const Eigen::Matrix4d scaled = A / w;
   Intersection result;
-  result.weight = w;
   result.K = scaled * (scaled + B / (1 - w)).inverse();
   const Eigen::Matrix4d C = scaled - result.K * scaled;
   result.covariance = (C + C.transpose()) / 2;
@@ -47,7 +46,7 @@ Intersection intersect_covariances(const Eigen::Matrix4d& A, const Eigen::Matrix
     }
   }
   const Intersection best = intersection_at((low + high) / 2, A, B);
-  if ((Q * A).trace() <= (Q * best.covariance).trace()) return {1, Eigen::Matrix4d::Zero(), A};
+  if ((Q * A).trace() <= (Q * best.covariance).trace()) return {Eigen::Matrix4d::Zero(), A};
   return best;
 }
 

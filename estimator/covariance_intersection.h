@@ -10,7 +10,6 @@ namespace covey {
 
 // The fused estimate is a + K (b - a), with covariance C.
 struct Intersection {
-  double weight = 1;  // of the first estimate's information; 1: the second adds nothing
   Eigen::Matrix4d K = Eigen::Matrix4d::Zero();
   Eigen::Matrix4d covariance = Eigen::Matrix4d::Identity();  // C
 };

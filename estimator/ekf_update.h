@@ -30,7 +30,6 @@ class EkfUpdate {
   EkfUpdate(int max_rows, int state_capacity);
 
   void begin(const State& state);
-  [[nodiscard]] int rows() const { return rows_; }
   [[nodiscard]] bool fits(int rows) const { return rows_ + rows <= static_cast<int>(r_.size()); }
   // Adds rows r = H dx + n, n ~ N(0, I).
   void add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>& H,

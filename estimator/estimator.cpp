@@ -188,7 +188,7 @@ std::vector<const Track*> Estimator::Impl::ended_or_leaving(
     std::optional<std::uint64_t> leaving) const {
   std::vector<const Track*> chosen;
   for (const Track& track : store.tracks()) {
-    const bool leaves = leaving && !track.observations.empty() && track.find(*leaving) != nullptr;
+    const bool leaves = leaving && track.find(*leaving) != nullptr;
     if (!track.seen_now || leaves) chosen.push_back(&track);
   }
   std::stable_sort(chosen.begin(), chosen.end(), [](const Track* a, const Track* b) {

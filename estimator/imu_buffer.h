@@ -18,7 +18,6 @@ class ImuBuffer {
   Added add(const ImuSample& sample, double max_gyro, double max_accel);
 
   [[nodiscard]] bool covers(TimeNs stamp_ns) const;
-  [[nodiscard]] TimeNs newest_ns() const { return samples_.empty() ? 0 : samples_.back().stamp_ns; }
 
   // Samples from `from_ns` to `to_ns`, both ends interpolated (held before the first sample). Needs
   // covers(to_ns). `gaps` counts neighbours further apart than `max_gap_s`.

@@ -84,7 +84,6 @@ ImuIncrement integrate_imu(const std::vector<ImuSample>& samples, const Eigen::V
               end.accel_imu - accel_bias},
              noise);
   }
-  sum.last_rate_imu = samples.back().gyro_imu - gyro_bias;
   return sum;
 }
 

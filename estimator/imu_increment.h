@@ -29,7 +29,6 @@ struct ImuIncrement {
   Eigen::Matrix3d J_position_accel_bias = Eigen::Matrix3d::Zero();
   // Of [position velocity rotation], from the white noise of gyro and accelerometer.
   Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
-  Eigen::Vector3d last_rate_imu = Eigen::Vector3d::Zero();  // rad/s at the end, bias removed
 };
 
 // `samples`: at least two, in time order; the first and the last bound the interval. Between two

@@ -97,7 +97,6 @@ std::optional<Triangulation> triangulate(const std::vector<View>& views,
       first.p_world_cam +
       first.R_world_cam * (depth * Eigen::Vector3d(inverse_depth.x(), inverse_depth.y(), 1));
   result.relative_depth_error = std::sqrt(rho_variance) * depth;
-  result.mean_squared_residual = equations.cost / (2.0 * static_cast<double>(views.size()));
   return result;
 }
 

@@ -22,7 +22,6 @@ struct Triangulation {
   // Standard deviation of the inverse depth in the first view over its value, from bearing noise
   // alone.
   double relative_depth_error = 0;
-  double mean_squared_residual = 0;  // per whitened residual component
 };
 
 struct DepthLimits {
