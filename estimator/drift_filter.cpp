@@ -48,6 +48,23 @@ Matrix7d noise_of(const RelativePose& measurement, const DepthRatio* ratio,
   return noise;
 }
 
+bool makes_sense(const KeyframePose& keyframe) {
+  return keyframe.T_world_cam.matrix().allFinite() && is_positive_definite<6>(keyframe.covariance);
+}
+
+bool makes_sense(const RelativePose& measurement) {
+  if (!makes_sense(measurement.own) || !makes_sense(measurement.own_before) ||
+      !makes_sense(measurement.other) || !makes_sense(measurement.other_before) ||
+      !measurement.T_other_own.matrix().allFinite() ||
+      !is_positive_definite<6>(measurement.covariance)) {
+    return false;
+  }
+  const std::optional<DepthRatio>& ratio = measurement.depth_ratio;
+  return !ratio ||
+         (std::isfinite(ratio->log_ratio) &&
+          is_positive_definite<kRows>(noise_of(measurement, &*ratio, Eigen::Matrix3d::Identity())));
+}
+
 struct FoundVariances {
   double position = 0, angle = 0;  // m2 and rad2, sums over the three axes
 };
@@ -280,17 +297,7 @@ void DriftFilter::forget_drone(const std::string& peer) {
 }
 
 DriftOutcome DriftFilter::add(const RelativePose& measurement) {
-  if (!is_positive_definite<6>(measurement.covariance) ||
-      !is_positive_definite<6>(measurement.other.covariance) ||
-      !is_positive_definite<6>(measurement.other_before.covariance) ||
-      !is_positive_definite<6>(measurement.own_before.covariance)) {
-    return DriftOutcome::kInvalid;
-  }
-  if (measurement.depth_ratio &&
-      !is_positive_definite<kRows>(
-          noise_of(measurement, &*measurement.depth_ratio, Eigen::Matrix3d::Identity()))) {
-    return DriftOutcome::kInvalid;
-  }
+  if (!makes_sense(measurement)) return DriftOutcome::kInvalid;
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
@@ -443,7 +450,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
   const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;
-  if (model.r.dot(cholesky.solve(model.r)) > limit) return DriftOutcome::kGated;
+  if (!(model.r.dot(cholesky.solve(model.r)) <= limit)) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_.head(size()) += W.transpose() * cholesky.matrixL().solve(model.r);
   P.noalias() -= W.transpose() * W;

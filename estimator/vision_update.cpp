@@ -122,7 +122,7 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
     bool gated = true;
     if (rows.valid) {
       slam_update_.add(state, rows.H.leftCols(rows.width), rows.r, rows.columns);
-      gated = slam_update_.last_distance(one_sight) > gate_.limit(2);
+      gated = !(slam_update_.last_distance(one_sight) <= gate_.limit(2));
       if (gated) slam_update_.drop_last();
     }
     state.count_gated(landmark, gated);
@@ -236,7 +236,7 @@ void VisionUpdate::GlimpsedPoint::move(const GlimpseStep& moved) {
 
 VisionUpdate::Outcome VisionUpdate::examine(const State& state, const Track& track,
                                             double max_depth_error, Linearized& result) {
-  if (!linearize(state, track, result) || depth_error(state, result) > max_depth_error) {
+  if (!linearize(state, track, result) || !(depth_error(state, result) <= max_depth_error)) {
     return Outcome::kUntriangulated;
   }
   return passes_gate(state, result.rows) ? Outcome::kOk : Outcome::kGated;

@@ -117,7 +117,7 @@ bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<Imu
   columns.add(0, State::kImuSize);
   update.begin(state);
   update.add(state, H, r, columns);
-  if (update.last_distance() > chi_square_quantile(0.999, 9)) return false;
+  if (!(update.last_distance() <= chi_square_quantile(0.999, 9))) return false;
   return update.apply(state);
 }
 

@@ -5,6 +5,9 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <array>
+#include <cmath>
+#include <limits>
 
 #include "estimator/so3.h"
 #include "sim/random.h"
@@ -380,7 +383,31 @@ TEST(DriftFilter, NumbersThatAreNoneAreRefused) {
   pose = compared(own, 6, other, 6, 3);
   pose.depth_ratio->variance = 0;
   EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+  pose = compared(own, 6, other, 6, 3);
+  pose.depth_ratio->log_ratio = std::nan("");
+  EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+  pose = relative(own, 1, other, 1, 3);
+  pose.own.covariance(2, 2) = std::nan("");
+  EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
   EXPECT_EQ(filter.keyframes(), 0);
+}
+
+TEST(DriftFilter, APoseThatIsNoNumberIsRefused) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  const RelativePose good = compared(own, 12, other, 12, 3);
+  for (std::size_t i = 0; i < 5; ++i) {
+    SCOPED_TRACE(i);
+    RelativePose pose = good;
+    const std::array<Eigen::Isometry3d*, 5> poses{
+        &pose.own.T_world_cam, &pose.own_before.T_world_cam, &pose.other.T_world_cam,
+        &pose.other_before.T_world_cam, &pose.T_other_own};
+    for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
+      poses[i]->translation().y() = bad;
+      DriftFilter filter({}, "uav0");
+      EXPECT_EQ(filter.add(pose), DriftOutcome::kInvalid);
+      EXPECT_EQ(filter.keyframes(), 0);
+    }
+  }
 }
 
 // As `flight`, but begun later: its keyframes count from one again.

@@ -82,5 +82,25 @@ TEST(VisionUpdate, WhetherASlamFeatureFitsIsAMatterOfOneSight) {
   EXPECT_EQ(Window(1).see(off, 1e6 * covariance).slam_gated, 0);
 }
 
+TEST(VisionUpdate, ABearingThatIsNoNumberIsGated) {
+  Window window;
+  const UpdateReport report = window.see({std::nan(""), 0}, 1e-6 * Eigen::Matrix2d::Identity());
+  EXPECT_EQ(report.slam_gated, 1);
+  EXPECT_EQ(report.slam_used, 0);
+  EXPECT_TRUE(window.expected().allFinite());
+}
+
+// Where variances of the poses are negative, the variance of the depth is too, and has no root.
+TEST(VisionUpdate, ADepthOfUnknownErrorIsNotKnown) {
+  FilledWindow window = filled_window(3);
+  const int n = window.state.dimension();
+  window.state.correct(Eigen::VectorXd::Zero(n), Eigen::MatrixXd::Identity(n, n),
+                       Eigen::MatrixXd::Identity(n, n));
+  VisionUpdate vision(window.config, window.state.capacity());
+  UpdateReport report;
+  EXPECT_TRUE(vision.update_tracks(window.state, some_tracks(window, 0, 5), {}, 0, report).empty());
+  EXPECT_EQ(report.msckf_untriangulated, 5);
+}
+
 }  // namespace
 }  // namespace covey
