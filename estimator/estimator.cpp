@@ -395,8 +395,8 @@ PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
   return report;
 }
 
-// Lost: most features contradict the state for seconds, none is accepted though there are many, or
-// the motion is impossible.
+// Lost: most features contradict the state or updates fail for seconds, no feature is accepted
+// though there are many, or the motion is impossible.
 void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report) {
   const int used = report.slam_used + report.msckf_used;
   const int gated = report.slam_gated + report.msckf_gated;
@@ -404,7 +404,8 @@ void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateRe
                       state->imu().pose.q_world_imu.coeffs().allFinite();
   const bool possible = finite && state->imu().v_world_imu.norm() < config.max_velocity &&
                         (state->covariance().diagonal().array() >= 0).all();
-  if (possible && (report.zero_velocity || (used > 0 && used >= gated))) {
+  const bool failed = report.failed_updates > 0;
+  if (possible && !failed && (report.zero_velocity || (used > 0 && used >= gated))) {
     healthy_ns = stamp_ns;
     healthy = state->imu();
     status = FilterStatus::kTracking;
@@ -413,7 +414,7 @@ void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateRe
   const double blind_s = seconds_between(healthy_ns, stamp_ns);
   if (possible && blind_s < kDegradedAfter_s) return;
   status = FilterStatus::kDegraded;
-  if (!possible || (gated > used && blind_s > config.lost_after_s)) {
+  if (!possible || ((failed || gated > used) && blind_s > config.lost_after_s)) {
     restart(stamp_ns, report);
   } else if (seeing && tracks >= kEnoughTracks && blind_s > config.lost_after_s) {
     look_again(report);

@@ -38,7 +38,8 @@ struct UpdateReport {
   int slam_used = 0, slam_gated = 0, slam_initialized = 0, slam_lost = 0, slam_reanchored = 0;
   int clones = 0, slam_features = 0;
   int imu_gaps = 0, imu_rejected = 0, out_of_order = 0;
-  int failed_updates = 0;  // innovation covariance not positive definite: nothing changed
+  // Innovation covariance not positive definite: nothing changed, no feature counts as used.
+  int failed_updates = 0;
   double propagate_ms = 0, msckf_ms = 0,
          slam_ms = 0;  // filled by the caller's clock, see StageClock
 };

@@ -114,6 +114,7 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
   // Does it fit? That is a matter of this image alone, however long its errors last.
   const double one_sight = 1 / (config_.slam_noise_scale * config_.slam_noise_scale);
   slam_update_.begin(state);
+  int fitting = 0;
   for (const TrackObservation& observation : observations) {
     const int landmark = state.find_landmark(observation.track_id);
     if (landmark < 0) continue;
@@ -126,9 +127,13 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
       if (gated) slam_update_.drop_last();
     }
     state.count_gated(landmark, gated);
-    ++(gated ? report.slam_gated : report.slam_used);
+    ++(gated ? report.slam_gated : fitting);
   }
-  if (!slam_update_.apply(state)) ++report.failed_updates;
+  if (slam_update_.apply(state)) {
+    report.slam_used += fitting;
+  } else {
+    ++report.failed_updates;
+  }
   for (int i = static_cast<int>(state.landmarks().size()) - 1; i >= 0; --i) {
     const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
     if (landmark.gated_in_a_row < kGatedUntilDropped && landmark.inverse_depth.z() > 0) continue;
@@ -327,10 +332,11 @@ std::vector<std::uint64_t> VisionUpdate::update_tracks(State& state,
   const int columns = window_columns(state);
   stack_rows_ = 0;
   Linearized feature;
+  int fitting = 0;
   for (const Track* track : features) {
     const Outcome outcome = examine(state, *track, config_.max_msckf_depth_error, feature);
     if (outcome == Outcome::kOk) stack_rows(feature.rows, columns);
-    ++(outcome == Outcome::kOk      ? report.msckf_used
+    ++(outcome == Outcome::kOk      ? fitting
        : outcome == Outcome::kGated ? report.msckf_gated
                                     : report.msckf_untriangulated);
     if (outcome != Outcome::kUntriangulated) used.push_back(track->id);
@@ -344,7 +350,11 @@ std::vector<std::uint64_t> VisionUpdate::update_tracks(State& state,
     ++report.slam_initialized;
     --free_slots;
   }
-  if (!apply_stack(state)) ++report.failed_updates;
+  if (apply_stack(state)) {
+    report.msckf_used += fitting;
+  } else {
+    ++report.failed_updates;
+  }
   return used;
 }
 

@@ -37,8 +37,8 @@ class VisionUpdate {
                    UpdateReport& report);
 
   // `features`: tracks to be used and forgotten; `candidates`: tracks that may become SLAM
-  // features, best first, at most `free_slots` of them. One stacked update for all. The tracks that
-  // were used are returned: their observations must not count again.
+  // features, best first, at most `free_slots` of them. One stacked update for all. The tracks
+  // whose observations must not count again are returned: those that were used or gated.
   [[nodiscard]] std::vector<std::uint64_t> update_tracks(
       State& state, const std::vector<const Track*>& features,
       const std::vector<const Track*>& candidates, int free_slots, UpdateReport& report);

@@ -90,6 +90,33 @@ TEST(VisionUpdate, ABearingThatIsNoNumberIsGated) {
   EXPECT_TRUE(window.expected().allFinite());
 }
 
+// Takes so much from the variance of one part of the state that no covariance is left.
+void make_impossible(State& state, int row) {
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(state.dimension());
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(state.dimension(), state.dimension());
+  state.correct(none, unit.col(row), Eigen::MatrixXd::Constant(1, 1, 1e-2));
+}
+
+TEST(VisionUpdate, WhatFailedHasUsedNoSlamFeature) {
+  Window window;
+  make_impossible(window.filled.state, window.filled.state.landmark_offset(0));
+  const Eigen::Vector2d before = window.expected();
+  const UpdateReport report = window.see({1e-5, 0}, 1e-6 * Eigen::Matrix2d::Identity());
+  EXPECT_EQ(report.failed_updates, 1);
+  EXPECT_EQ(report.slam_used, 0);
+  EXPECT_EQ(window.expected(), before);
+}
+
+TEST(VisionUpdate, WhatFailedHasUsedNoTrack) {
+  FilledWindow window = filled_window(3);
+  make_impossible(window.state, window.state.clone_offset(5) + 3);
+  VisionUpdate vision(window.config, window.state.capacity());
+  UpdateReport report;
+  (void)vision.update_tracks(window.state, some_tracks(window, 0, 20), {}, 0, report);
+  EXPECT_EQ(report.failed_updates, 1);
+  EXPECT_EQ(report.msckf_used, 0);
+}
+
 // Where variances of the poses are negative, the variance of the depth is too, and has no root.
 TEST(VisionUpdate, ADepthOfUnknownErrorIsNotKnown) {
   FilledWindow window = filled_window(3);
