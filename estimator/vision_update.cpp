@@ -32,6 +32,11 @@ constexpr double kMaxLogStep = 1;  // of the common depth, at once
 // Median of tracks' mean squared residuals: where they disagree more, it has gone astray.
 constexpr double kMaxGlimpseResidual = 1.25;
 
+// As many as an update may use, but never too few to tell anything.
+int max_glimpse_tracks(const EstimatorConfig& config) {
+  return std::max(config.max_msckf_features, kMinStartTracks);
+}
+
 int window_columns(const State& state) {
   return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
 }
@@ -100,7 +105,9 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
       stacked_update_(state_capacity, state_capacity) {
   const Eigen::Index max_observations = config.max_clones + 2;
   const Eigen::Index max_columns = 7 + 6 * max_observations + 1;
-  const Eigen::Index max_tracks = config.max_msckf_features + config.max_slam_features;
+  // The glimpse's row of the common depth needs no room: each of its tracks has two rows less.
+  const Eigen::Index max_tracks =
+      std::max(config.max_msckf_features + config.max_slam_features, max_glimpse_tracks(config));
   H_feature_.resize(2 * max_observations + 1, 3);
   H_track_.resize(2 * max_observations + 1, max_columns + 1);
   stack_.resize(max_tracks * 2 * max_observations, max_columns + 1);
@@ -442,7 +449,7 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
   Linearized feature;
   points.resize(tracks.size());
   for (std::size_t i = 0; i < tracks.size(); ++i) {
-    if (static_cast<int>(residuals.size()) == config_.max_msckf_features) break;
+    if (static_cast<int>(residuals.size()) == max_glimpse_tracks(config_)) break;
     if (!linearize_glimpsed(state, *tracks[i], depth, points[i], feature)) {
       points[i] = {};
       continue;

@@ -90,6 +90,18 @@ TEST(VisionUpdate, ABearingThatIsNoNumberIsGated) {
   EXPECT_TRUE(window.expected().allFinite());
 }
 
+// What is seen before the start does not hang on how many features an update may use.
+TEST(VisionUpdate, WithFewFeaturesOrNoneThereIsAGlimpseAllTheSame) {
+  for (const int features : {0, 5}) {
+    SCOPED_TRACE(features);
+    FilledWindow window = filled_window(3);
+    window.config.max_slam_features = 0;
+    window.config.max_msckf_features = features;
+    VisionUpdate vision(window.config, window.state.capacity());
+    EXPECT_TRUE(vision.glimpse(window.state, some_tracks(window, 0, 40)));
+  }
+}
+
 // Takes so much from the variance of one part of the state that no covariance is left.
 void make_impossible(State& state, int row) {
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(state.dimension());
