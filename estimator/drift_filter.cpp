@@ -430,10 +430,34 @@ DriftFilter::Linearised DriftFilter::linearise(const Sides& sides, const Relativ
   return result;
 }
 
+DriftFilter::Knowledge DriftFilter::knowledge() const {
+  return {nodes_, x_.head(size()), P_.topLeftCorner(size(), size())};
+}
+
+void DriftFilter::restore(const Knowledge& before) {
+  nodes_ = before.nodes;
+  x_.head(size()) = before.x;
+  P_.topLeftCorner(size(), size()) = before.P;
+}
+
+// Whether a relative pose fits shows only once its keyframes are in the state, and for them others
+// may have to leave: all of that is undone if it does not fit.
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   const UsedPose pose = to_used(measurement);
   if (said_enough(drones_[drone], pose)) return DriftOutcome::kRepeated;
+  const Knowledge before = knowledge();
   make_room();
+  const DriftOutcome outcome = fuse(drone, measurement, repetition(drones_[drone], pose));
+  if (outcome == DriftOutcome::kUsed) {
+    count_used(drones_[drone], pose);
+  } else {
+    restore(before);
+  }
+  return outcome;
+}
+
+DriftOutcome DriftFilter::fuse(std::size_t drone, const RelativePose& measurement,
+                               double repetition) {
   const DepthRatio* ratio = usable_ratio(measurement);
   const Sides sides = insert_sides(drone, measurement, ratio != nullptr);
   if (sides.own.at == sides.other.at) return DriftOutcome::kInvalid;
@@ -445,7 +469,7 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
     model.r -= H * x_.segment<kSize>(block(index));
     PHt.noalias() += P.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix7d S = repetition(drones_[drone], pose) * model.noise;
+  Matrix7d S = repetition * model.noise;
   for (const auto& [index, H] : model.terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
@@ -454,7 +478,6 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
   x_.head(size()) += W.transpose() * cholesky.matrixL().solve(model.r);
   P.noalias() -= W.transpose() * W;
-  count_used(drones_[drone], pose);
   return DriftOutcome::kUsed;
 }
 

@@ -127,6 +127,12 @@ class DriftFilter {
     int count = 0;
     double log_position = 0, log_angle = 0;  // m2 and rad2, sums over the three axes
   };
+  // The state, to be taken back.
+  struct Knowledge {
+    std::vector<Node> nodes;
+    Eigen::VectorXd x;
+    Eigen::MatrixXd P;
+  };
   struct OwnDrift {
     TimeNs stamp_ns = 0;
     double position = 0, yaw = 0;  // variances, m2 and rad2
@@ -150,6 +156,8 @@ class DriftFilter {
   void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
               const Matrix6d& A_later, const Matrix6d& Q);
   void reserve(Eigen::Index size);
+  [[nodiscard]] Knowledge knowledge() const;
+  void restore(const Knowledge& before);
   void make_room();
   void forget(int index);
   [[nodiscard]] static UsedPose to_used(const RelativePose& measurement);
@@ -185,7 +193,10 @@ class DriftFilter {
                                      const DepthRatio* ratio) const;
   // None if the ratio of the depths says nothing of both drones' odometry.
   [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
+  // Unless it is used, nothing changes.
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
+  // `repetition`: of its noise. Leaves keyframes in the state though they were of no use.
+  DriftOutcome fuse(std::size_t drone, const RelativePose& measurement, double repetition);
 
   DriftConfig config_;
   double gate_limit_, gate_limit_with_ratio_;

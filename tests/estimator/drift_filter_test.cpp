@@ -337,16 +337,40 @@ TEST(DriftFilter, ReturningToAnOwnPlaceTakesTheDriftOut) {
   EXPECT_LT(together, 0.4 * alone);  // depths measured over a short way fix no more
 }
 
+RelativePose five_metres_off(RelativePose pose) {
+  pose.other.T_world_cam.translation().x() += 5;
+  pose.other_before.T_world_cam.translation().x() += 5;
+  return pose;
+}
+
 TEST(DriftFilter, APeerThatIsFiveMetresOffIsGated) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   DriftFilter filter({}, "uav0");
   for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
-  RelativePose wrong = relative(own, 15, other, 15, 3);
-  wrong.other.T_world_cam.translation().x() += 5;
-  wrong.other_before.T_world_cam.translation().x() += 5;
-  EXPECT_EQ(filter.add(wrong), DriftOutcome::kGated);
+  EXPECT_EQ(filter.add(five_metres_off(relative(own, 15, other, 15, 3))), DriftOutcome::kGated);
+  EXPECT_EQ(filter.keyframes(), 0);
+  EXPECT_FALSE(filter.alignment("uav1")) << "nothing of it has been used";
   const Odometry last = odometry_at(own.keyframes.back());
   EXPECT_NEAR((filter.corrected(last).pose.p_world_imu - last.pose.p_world_imu).norm(), 0, 1e-9);
+}
+
+// Among so few keyframes each new relative pose puts others out.
+TEST(DriftFilter, WhoIsGatedPutsNoKeyframeOut) {
+  const Walk own = walk(1, 60, {0, 0, 0}), other = walk(2, 60, {-3, 0, 0});
+  DriftConfig config;
+  config.max_keyframes = 12;
+  DriftFilter filter(config, "uav0");
+  for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+  for (std::size_t i = 8; i < 40; i += 4) {
+    ASSERT_EQ(filter.add(relative(own, i, other, i, i)), DriftOutcome::kUsed);
+  }
+  const DriftFilter before = filter;
+  EXPECT_EQ(filter.add(five_metres_off(relative(own, 50, other, 50, 3))), DriftOutcome::kGated);
+  ASSERT_EQ(filter.keyframes(), before.keyframes());
+  EXPECT_EQ(filter.covariance(), before.covariance());
+  const Odometry last = odometry_at(own.keyframes.back());
+  EXPECT_EQ(filter.corrected(last).pose.p_world_imu, before.corrected(last).pose.p_world_imu);
+  EXPECT_EQ(filter.alignment("uav1")->p_peer, before.alignment("uav1")->p_peer);
 }
 
 TEST(DriftFilter, CovarianceStaysPositiveDefiniteOverThousandsOfUpdatesAndTheStateIsBounded) {
