@@ -41,6 +41,8 @@ ImuState initial_imu(const InitialState& start) {
 
 constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
+// Before the start: how far back it may lie, behind the newest IMU sample.
+constexpr double kStartHistory_s = 10;
 
 // A landmark in each cell of a coarse grid: SLAM features should look in all directions.
 constexpr int kGrid = 4;
@@ -168,6 +170,7 @@ std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport&
   const ImuIncrement increment =
       integrate_imu(interval, now.gyro_bias, now.accel_bias, config.imu_noise);
   state->propagate(increment, stamp_ns, config.gravity, config.imu_noise);
+  imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
 }
 
@@ -463,6 +466,9 @@ bool Estimator::initialized() const { return impl_->state.has_value(); }
 void Estimator::add_imu(const ImuSample& sample) {
   switch (impl_->imu.add(sample, impl_->config.max_gyro, impl_->config.max_accel)) {
     case ImuBuffer::Added::kYes:
+      if (!initialized()) {
+        impl_->imu.forget_before(sample.stamp_ns - nanoseconds(kStartHistory_s));
+      }
       break;
     case ImuBuffer::Added::kOutOfOrder:
       ++impl_->pending.out_of_order;
@@ -506,7 +512,6 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     self.reference = tracks;
     self.reference_id = self.state->clones().back().id;
   }
-  self.imu.forget_before(stamp_ns - nanoseconds(2 * self.config.still_window_s));
   report.propagate_ms = self.now_ms() - start;
   self.update(tracks, report);
   self.watch_health(stamp_ns, tracks.size(), report);

@@ -9,7 +9,7 @@
 
 namespace covey {
 
-// IMU samples that have not been integrated yet, in time order.
+// IMU samples in time order, integrated or not: as many as its owner does not let it forget.
 class ImuBuffer {
  public:
   enum class Added { kYes, kOutOfOrder, kInvalid };
