@@ -123,6 +123,8 @@ struct Estimator::Impl {
   SharedKeyframe shared_keyframe(const State& trial, const KeyframeMatch& match,
                                  const std::vector<const Track*>& tracks, PeerReport& report);
   PeerReport fuse(const KeyframeMatch& match);
+  void degrade_if_blind(TimeNs stamp_ns);
+  void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report);
   void look_again(UpdateReport& report);
   void restart(TimeNs stamp_ns, UpdateReport& report);
@@ -398,6 +400,18 @@ PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
   return report;
 }
 
+void Estimator::Impl::degrade_if_blind(TimeNs stamp_ns) {
+  if (seconds_between(healthy_ns, stamp_ns) >= kDegradedAfter_s) status = FilterStatus::kDegraded;
+}
+
+// Older than the state, or the IMU does not reach it: the state stays where it is, but without IMU
+// that is not where the drone is.
+void Estimator::Impl::refuse_image(TimeNs stamp_ns, UpdateReport& report) {
+  ++report.out_of_order;
+  ++report.images_refused;
+  degrade_if_blind(stamp_ns);
+}
+
 // Lost: most features contradict the state or updates fail for seconds, no feature is accepted
 // though there are many, or the motion is impossible.
 void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report) {
@@ -490,7 +504,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
   const bool at_start = stamp_ns == self.state->imu().stamp_ns;
   if (interval.empty() && !(at_start && self.state->clones().empty())) {
-    ++report.out_of_order;
+    self.refuse_image(stamp_ns, report);
     return report;
   }
   report.propagated = true;
@@ -528,9 +542,10 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   const double start = self.now_ms();
   const TimeNs stamp_ns = image_stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
   report.propagated = !self.propagate(stamp_ns, report).empty();
-  if (!report.propagated) ++report.out_of_order;
-  if (seconds_between(self.healthy_ns, stamp_ns) >= kDegradedAfter_s) {
-    self.status = FilterStatus::kDegraded;
+  if (report.propagated) {
+    self.degrade_if_blind(stamp_ns);
+  } else {
+    self.refuse_image(stamp_ns, report);
   }
   report.clones = static_cast<int>(self.state->clones().size());
   report.slam_features = static_cast<int>(self.state->landmarks().size());

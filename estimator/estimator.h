@@ -37,7 +37,9 @@ struct UpdateReport {
   int msckf_used = 0, msckf_gated = 0, msckf_untriangulated = 0;
   int slam_used = 0, slam_gated = 0, slam_initialized = 0, slam_lost = 0, slam_reanchored = 0;
   int clones = 0, slam_features = 0;
-  int imu_gaps = 0, imu_rejected = 0, out_of_order = 0;
+  int imu_gaps = 0, imu_rejected = 0;
+  int out_of_order = 0;    // IMU samples not newer than the one before, and images refused
+  int images_refused = 0;  // older than the state, or without IMU up to them
   // Innovation covariance not positive definite: nothing changed, no feature counts as used.
   int failed_updates = 0;
   double propagate_ms = 0, msckf_ms = 0,

@@ -51,5 +51,28 @@ TEST(Estimator, ImuFromBeforeImagesThatShowNothingIsForgotten) {
       << "what would fill it is no longer there";
 }
 
+TEST(Estimator, WithoutImuItDoesNotClaimToTrack) {
+  Estimator estimator(EstimatorConfig{});
+  estimator.initialize(start_at(0));
+  add_still_imu(estimator, 0, 1);
+  UpdateReport last;
+  for (int i = 1; i <= 30; ++i) last = estimator.add_camera(image_at(1 + i / 30.0));
+  EXPECT_FALSE(last.propagated);
+  EXPECT_EQ(estimator.odometry().status, FilterStatus::kDegraded);
+}
+
+TEST(Estimator, AnImageThatIsRefusedIsNoImuSampleOutOfOrder) {
+  Estimator estimator(EstimatorConfig{});
+  estimator.initialize(start_at(0));
+  add_still_imu(estimator, 0, 1);
+  const UpdateReport refused = estimator.add_camera(image_at(2));
+  EXPECT_EQ(refused.images_refused, 1);
+  EXPECT_EQ(refused.out_of_order, 1);
+  estimator.add_imu(still_sample(0.5));
+  const UpdateReport taken = estimator.add_camera(image_at(0.9));
+  EXPECT_EQ(taken.images_refused, 0);
+  EXPECT_EQ(taken.out_of_order, 1);
+}
+
 }  // namespace
 }  // namespace covey
