@@ -71,7 +71,7 @@ struct EstimatorConfig {
   double still_gyro_sigma = 0.03;      // rad/s
   double still_accel_sigma = 0.1;      // m/s2
 
-  // Lost: it says so and starts anew from its last healthy motion.
+  // Lost: it says so and starts anew from its last healthy state, carried on by the IMU.
   double lost_after_s = 2.0;   // s with most features gated
   double max_velocity = 60.0;  // m/s
 };

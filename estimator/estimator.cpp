@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "estimator/imu_buffer.h"
+#include "estimator/imu_transition.h"
 #include "estimator/keyframe_policy.h"
 #include "estimator/observation_model.h"
 #include "estimator/peer_update.h"
@@ -106,7 +107,7 @@ struct Estimator::Impl {
       : config(configuration), clock(stage_clock), gate_peer(0.95) {}
 
   double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
-  void start(const InitialState& initial);
+  void start(const State& initial);
   std::vector<ImuSample> propagate(TimeNs stamp_ns, UpdateReport& report);
   bool becomes_keyframe(const TrackList& tracks) const;
   void try_start(UpdateReport& report);
@@ -127,7 +128,7 @@ struct Estimator::Impl {
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report);
   void look_again(UpdateReport& report);
-  void restart(TimeNs stamp_ns, UpdateReport& report);
+  void restart(UpdateReport& report);
 
   EstimatorConfig config;
   StageClock clock;
@@ -144,12 +145,12 @@ struct Estimator::Impl {
   bool seeing = false;  // the first visual update has been made
   FilterStatus status = FilterStatus::kUninitialized;
   TimeNs healthy_ns = 0;
-  ImuState healthy;
+  CoreState healthy;     // the state as it was then, carried on by the IMU alone
   UpdateReport pending;  // counts of IMU trouble until the next image
 };
 
-void Estimator::Impl::start(const InitialState& initial) {
-  state.emplace(config, initial_imu(initial), initial_covariance(initial));
+void Estimator::Impl::start(const State& initial) {
+  state = initial;
   vision.emplace(config, state->capacity());
   still_update.emplace(16, state->capacity());
   glimpsed.reset();
@@ -159,8 +160,8 @@ void Estimator::Impl::start(const InitialState& initial) {
   reference_id = 0;
   seeing = false;
   status = FilterStatus::kTracking;
-  healthy_ns = initial.stamp_ns;
-  healthy = state->imu();
+  healthy_ns = state->imu().stamp_ns;
+  healthy = state->core();
 }
 
 std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
@@ -172,6 +173,7 @@ std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport&
   const ImuIncrement increment =
       integrate_imu(interval, now.gyro_bias, now.accel_bias, config.imu_noise);
   state->propagate(increment, stamp_ns, config.gravity, config.imu_noise);
+  healthy = dead_reckoned(healthy, interval, config);
   imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
 }
@@ -424,7 +426,7 @@ void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateRe
   const bool failed = report.failed_updates > 0;
   if (possible && !failed && (report.zero_velocity || (used > 0 && used >= gated))) {
     healthy_ns = stamp_ns;
-    healthy = state->imu();
+    healthy = state->core();
     status = FilterStatus::kTracking;
     return;
   }
@@ -432,7 +434,7 @@ void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateRe
   if (possible && blind_s < kDegradedAfter_s) return;
   status = FilterStatus::kDegraded;
   if (!possible || ((failed || gated > used) && blind_s > config.lost_after_s)) {
-    restart(stamp_ns, report);
+    restart(report);
   } else if (seeing && tracks >= kEnoughTracks && blind_s > config.lost_after_s) {
     look_again(report);
   }
@@ -448,21 +450,10 @@ void Estimator::Impl::look_again(UpdateReport& report) {
   seeing = false;
 }
 
-// Starts anew from the last healthy motion, as uncertain as dead reckoning since then has made it.
-void Estimator::Impl::restart(TimeNs stamp_ns, UpdateReport& report) {
-  const double age = seconds_between(healthy_ns, stamp_ns);
-  InitialState initial;
-  initial.stamp_ns = stamp_ns;
-  initial.pose = healthy.pose;
-  initial.pose.p_world_imu += healthy.v_world_imu * age;
-  initial.v_world_imu = healthy.v_world_imu;
-  initial.gyro_bias = healthy.gyro_bias;
-  initial.accel_bias = healthy.accel_bias;
-  initial.velocity_sigma = 1.0 + age;
-  initial.position_sigma = initial.velocity_sigma * std::max(age, 0.1);
-  initial.tilt_sigma = 0.1;
-  initial.yaw_sigma = 0.2;
-  start(initial);
+// Starts anew from the last healthy state and what the IMU has told since then, with the covariance
+// that this has: what bearings have made of the state in between is not believed.
+void Estimator::Impl::restart(UpdateReport& report) {
+  start(State(config, healthy));
   status = FilterStatus::kLost;
   report.reinitialized = true;
 }
@@ -473,7 +464,9 @@ Estimator::~Estimator() = default;
 Estimator::Estimator(Estimator&&) noexcept = default;
 Estimator& Estimator::operator=(Estimator&&) noexcept = default;
 
-void Estimator::initialize(const InitialState& start) { impl_->start(start); }
+void Estimator::initialize(const InitialState& start) {
+  impl_->start(State(impl_->config, initial_imu(start), initial_covariance(start)));
+}
 
 bool Estimator::initialized() const { return impl_->state.has_value(); }
 

@@ -53,4 +53,21 @@ Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,
   return Q;
 }
 
+CoreState dead_reckoned(const CoreState& start, const std::vector<ImuSample>& samples,
+                        const EstimatorConfig& config) {
+  const Eigen::Vector3d g(0, 0, -config.gravity);
+  const ImuIncrement increment =
+      integrate_imu(samples, start.imu.gyro_bias, start.imu.accel_bias, config.imu_noise);
+  CoreState end = start;
+  end.imu = carried_over(start.imu, increment, samples.back().stamp_ns, g);
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(start.covariance.rows(), start.covariance.cols());
+  F.topLeftCorner<State::kImuSize, State::kImuSize>() =
+      transition(increment, start.imu, end.imu, g);
+  end.covariance = F * start.covariance * F.transpose();
+  end.covariance.topLeftCorner<State::kImuSize, State::kImuSize>() +=
+      process_noise(increment, start.imu.pose.q_world_imu.toRotationMatrix(), config.imu_noise);
+  end.covariance = (end.covariance + end.covariance.transpose()).eval() / 2;
+  return end;
+}
+
 }  // namespace covey

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "estimator/state.h"
 
@@ -22,5 +23,9 @@ using Matrix15d = Eigen::Matrix<double, State::kImuSize, State::kImuSize>;
 // Covariance that the increment adds; `R`: imu to world at the start.
 [[nodiscard]] Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,
                                       const ImuNoise& noise);
+
+// After an interval of which only the IMU tells; `samples` as for integrate_imu().
+[[nodiscard]] CoreState dead_reckoned(const CoreState& start, const std::vector<ImuSample>& samples,
+                                      const EstimatorConfig& config);
 
 }  // namespace covey

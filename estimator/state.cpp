@@ -48,6 +48,17 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
   landmarks_.reserve(static_cast<std::size_t>(config.max_slam_features));
 }
 
+State::State(const EstimatorConfig& config, const CoreState& core)
+    : State(config, core.imu, core.covariance.topLeftCorner<kImuSize, kImuSize>()) {
+  assert(core.covariance.rows() == dimension_);
+  extrinsics_ = core.extrinsics;
+  P_.topLeftCorner(dimension_, dimension_) = core.covariance;
+}
+
+CoreState State::core() const {
+  return {imu_, extrinsics_, P_.topLeftCorner(clones_offset(), clones_offset())};
+}
+
 int State::find_clone(std::uint64_t id) const {
   for (std::size_t i = 0; i < clones_.size(); ++i) {
     if (clones_[i].id == id) return static_cast<int>(i);

@@ -33,6 +33,13 @@ struct ImuState {
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
 };
 
+// What is left of a state without clones and landmarks.
+struct CoreState {
+  ImuState imu;
+  CameraExtrinsics extrinsics;
+  Eigen::MatrixXd covariance;  // of IMU and calibration, as in State
+};
+
 struct Clone {
   std::uint64_t id = 0;
   TimeNs stamp_ns = 0;    // of the image
@@ -56,6 +63,8 @@ class State {
 
   State(const EstimatorConfig& config, const ImuState& imu,
         const Eigen::Matrix<double, kImuSize, kImuSize>& imu_covariance);
+  // `core`: of a state with this configuration.
+  State(const EstimatorConfig& config, const CoreState& core);
 
   [[nodiscard]] const ImuState& imu() const { return imu_; }
   [[nodiscard]] const CameraExtrinsics& extrinsics() const { return extrinsics_; }
@@ -63,6 +72,7 @@ class State {
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
   [[nodiscard]] auto covariance() const { return P_.topLeftCorner(dimension_, dimension_); }
+  [[nodiscard]] CoreState core() const;
 
   // Where things stand in the error state; -1 when not estimated.
   [[nodiscard]] int extrinsics_offset() const { return extrinsics_offset_; }
