@@ -3,8 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <utility>
 
 #include "estimator/chi_square.h"
+#include "estimator/median.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -53,6 +55,17 @@ Eigen::Matrix3d fitted_rotation(const TrackList& first, const TrackList& last) {
   return R_first_last;
 }
 
+// Standard deviation of a bearing's component, of the track in the middle: one that is much surer
+// or less sure than the others says nothing of the image.
+double usual_sigma(const TrackList& tracks) {
+  std::vector<double> sigmas;
+  sigmas.reserve(tracks.size());
+  for (const TrackObservation& track : tracks) {
+    sigmas.push_back(std::sqrt(track.covariance.trace() / 2));
+  }
+  return median(std::move(sigmas));
+}
+
 constexpr std::size_t kMinSamples = 20;
 constexpr std::size_t kMinShared = 15;
 
@@ -90,7 +103,7 @@ bool StillnessDetector::visually_still(double window_s, double limit) const {
   now.R_world_cam = fitted_rotation(first.tracks, last.tracks);
   const ViewChange change = compare_views(first.tracks, before, last.tracks, now);
   // Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
-  const double noise = 1.67 * std::sqrt(last.tracks.front().covariance.trace() / 2);
+  const double noise = 1.67 * usual_sigma(last.tracks);
   return change.shared * static_cast<double>(last.tracks.size()) >= kMinShared &&
          change.parallax < std::hypot(limit, noise);
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "estimator/so3.h"
@@ -46,6 +47,58 @@ TEST(ZeroVelocity, ReadingsThatAreNoNumbersAreGated) {
   const Eigen::Vector3d none = Eigen::Vector3d::Zero();
   EXPECT_FALSE(update(state, readings(state, {std::nan(""), 0, 0}, none)));
   EXPECT_TRUE(state.imu().gyro_bias.allFinite());
+}
+
+// A grid of points, seen through a second of images in which they move by `motion` altogether, each
+// in a direction of its own: no rotation explains that.
+StillnessDetector watched(double motion, const TrackList& like) {
+  StillnessDetector detector;
+  for (int image = 0; image <= 10; ++image) {
+    TrackList tracks = like;
+    for (TrackObservation& track : tracks) {
+      const double direction = 2.4 * static_cast<double>(track.track_id);
+      track.bearing +=
+          motion * image / 10 * Eigen::Vector2d(std::cos(direction), std::sin(direction));
+    }
+    detector.add_image(nanoseconds(0.1 * image), tracks, 0.4);
+  }
+  return detector;
+}
+
+TrackList grid(double sigma) {
+  TrackList tracks;
+  for (int i = 0; i < 49; ++i) {
+    tracks.push_back({static_cast<std::uint64_t>(i) + 1,
+                      {0.1 * (i % 7 - 3), 0.1 * (i / 7 - 3)},
+                      sigma * sigma * Eigen::Matrix2d::Identity()});
+  }
+  return tracks;
+}
+
+constexpr double kWindow_s = 0.4, kLimit = 0.0015;  // as configured
+
+TEST(StillnessDetector, TellsStandingFromMoving) {
+  EXPECT_TRUE(watched(0, grid(1e-4)).visually_still(kWindow_s, kLimit));
+  EXPECT_TRUE(watched(0.002, grid(1e-4)).visually_still(kWindow_s, kLimit)) << "0.0008 in a window";
+  EXPECT_FALSE(watched(0.01, grid(1e-4)).visually_still(kWindow_s, kLimit));
+  EXPECT_TRUE(watched(0.01, grid(1e-2)).visually_still(kWindow_s, kLimit)) << "may be noise";
+}
+
+TEST(StillnessDetector, NeedsAWindowOfImagesWithTracks) {
+  StillnessDetector detector;
+  EXPECT_FALSE(detector.visually_still(kWindow_s, kLimit));
+  for (const double time_s : {0.0, 0.1, 0.2}) {
+    detector.add_image(nanoseconds(time_s), grid(1e-4), kWindow_s);
+  }
+  EXPECT_FALSE(detector.visually_still(kWindow_s, kLimit)) << "too short";
+  EXPECT_FALSE(watched(0, {}).visually_still(kWindow_s, kLimit)) << "nothing to be seen";
+}
+
+// The first of the tracks is much less sure than all others.
+TEST(StillnessDetector, OneTrackDoesNotSpeakForTheNoiseOfAll) {
+  TrackList tracks = grid(1e-4);
+  tracks.front().covariance *= 1e4;
+  EXPECT_FALSE(watched(0.01, tracks).visually_still(kWindow_s, kLimit));
 }
 
 }  // namespace
