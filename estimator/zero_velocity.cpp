@@ -108,28 +108,30 @@ bool StillnessDetector::visually_still(double window_s, double limit) const {
          change.parallax < std::hypot(limit, noise);
 }
 
-bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<ImuSample>& interval,
-                          const EstimatorConfig& config) {
+StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
+                     const EstimatorConfig& config) {
   const MeanReadings readings = mean(interval.begin(), interval.end());
-  const ImuState& imu = state.imu();
   const Eigen::Vector3d up_imu =
       imu.pose.q_world_imu.conjugate() * Eigen::Vector3d(0, 0, config.gravity);
-
-  Eigen::Matrix<double, 9, State::kImuSize> H = Eigen::Matrix<double, 9, State::kImuSize>::Zero();
-  Eigen::Matrix<double, 9, 1> r;
+  StillRows rows;
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
-  H.block<3, 3>(0, State::kVelocity) = I / config.still_velocity_sigma;
-  r.head<3>() = -imu.v_world_imu / config.still_velocity_sigma;
-  H.block<3, 3>(3, State::kGyroBias) = I / config.still_gyro_sigma;
-  r.segment<3>(3) = (readings.gyro - imu.gyro_bias) / config.still_gyro_sigma;
-  H.block<3, 3>(6, State::kRotation) = skew(up_imu) / config.still_accel_sigma;
-  H.block<3, 3>(6, State::kAccelBias) = I / config.still_accel_sigma;
-  r.tail<3>() = (readings.accel - imu.accel_bias - up_imu) / config.still_accel_sigma;
+  rows.H.block<3, 3>(0, State::kVelocity) = I / config.still_velocity_sigma;
+  rows.r.head<3>() = -imu.v_world_imu / config.still_velocity_sigma;
+  rows.H.block<3, 3>(3, State::kGyroBias) = I / config.still_gyro_sigma;
+  rows.r.segment<3>(3) = (readings.gyro - imu.gyro_bias) / config.still_gyro_sigma;
+  rows.H.block<3, 3>(6, State::kRotation) = skew(up_imu) / config.still_accel_sigma;
+  rows.H.block<3, 3>(6, State::kAccelBias) = I / config.still_accel_sigma;
+  rows.r.tail<3>() = (readings.accel - imu.accel_bias - up_imu) / config.still_accel_sigma;
+  return rows;
+}
 
+bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<ImuSample>& interval,
+                          const EstimatorConfig& config) {
+  const StillRows rows = still_rows(state.imu(), interval, config);
   Columns columns;
   columns.add(0, State::kImuSize);
   update.begin(state);
-  update.add(state, H, r, columns);
+  update.add(state, rows.H, rows.r, columns);
   if (!(update.last_distance() <= chi_square_quantile(0.999, 9))) return false;
   return update.apply(state);
 }

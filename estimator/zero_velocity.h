@@ -36,7 +36,15 @@ class StillnessDetector {
 };
 
 // Pseudo-measurements: velocity is zero, the gyro shows its bias, the accelerometer gravity and
-// bias. False when they contradict the state (chi-square): nothing is changed then.
+// bias. Whitened, r = H dx + n.
+struct StillRows {
+  Eigen::Matrix<double, 9, State::kImuSize> H = Eigen::Matrix<double, 9, State::kImuSize>::Zero();
+  Eigen::Matrix<double, 9, 1> r = Eigen::Matrix<double, 9, 1>::Zero();
+};
+[[nodiscard]] StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
+                                   const EstimatorConfig& config);
+
+// False when they contradict the state (chi-square): nothing is changed then.
 [[nodiscard]] bool update_zero_velocity(State& state, EkfUpdate& update,
                                         const std::vector<ImuSample>& interval,
                                         const EstimatorConfig& config);

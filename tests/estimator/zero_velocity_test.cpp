@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/so3.h"
+#include "tests/estimator/numeric_jacobian.h"
 
 namespace covey {
 namespace {
@@ -40,6 +41,43 @@ std::vector<ImuSample> readings(const State& state, const Eigen::Vector3d& more_
 bool update(State& state, const std::vector<ImuSample>& interval) {
   EkfUpdate rows(16, state.capacity());
   return update_zero_velocity(state, rows, interval, config());
+}
+
+ImuState moved(ImuState imu, const Eigen::VectorXd& dx) {
+  imu.pose.p_world_imu += dx.segment<3>(State::kPosition);
+  imu.v_world_imu += dx.segment<3>(State::kVelocity);
+  imu.pose.q_world_imu =
+      imu.pose.q_world_imu * exp_quaternion(Eigen::Vector3d(dx.segment<3>(State::kRotation)));
+  imu.gyro_bias += dx.segment<3>(State::kGyroBias);
+  imu.accel_bias += dx.segment<3>(State::kAccelBias);
+  return imu;
+}
+
+// The residual is measurement minus expectation.
+TEST(ZeroVelocity, TheJacobianAgreesWithDifferences) {
+  const State state = still_state({0.1, -0.05, 0.02});
+  const auto interval = readings(state, {0.01, 0.02, -0.01}, {0.1, -0.2, 0.3});
+  expect_jacobian("still rows", -still_rows(state.imu(), interval, config()).H,
+                  [&](const Eigen::VectorXd& dx) -> Eigen::VectorXd {
+                    return still_rows(moved(state.imu(), dx), interval, config()).r;
+                  });
+}
+
+TEST(ZeroVelocity, StandingStillStopsTheDrone) {
+  State state = still_state({0.01, -0.01, 0.01});
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  EXPECT_TRUE(update(state, readings(state, none, none)));
+  EXPECT_LT(state.imu().v_world_imu.norm(), 0.9 * 0.01 * std::sqrt(3));
+  EXPECT_LT(state.covariance()(State::kVelocity, State::kVelocity), 0.9 * 1e-4);
+}
+
+TEST(ZeroVelocity, WhatContradictsTheStateChangesNothing) {
+  State state = still_state({0.5, 0, 0});
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  const Eigen::MatrixXd before = state.covariance();
+  EXPECT_FALSE(update(state, readings(state, none, none)));
+  EXPECT_EQ(state.imu().v_world_imu, Eigen::Vector3d(0.5, 0, 0));
+  EXPECT_EQ(Eigen::MatrixXd(state.covariance()), before);
 }
 
 TEST(ZeroVelocity, ReadingsThatAreNoNumbersAreGated) {
