@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "apps/disturbed_start.h"
@@ -80,6 +81,86 @@ TEST(Estimator, AnImageThatIsRefusedIsNoImuSampleOutOfOrder) {
   EXPECT_EQ(taken.out_of_order, 1);
 }
 
+// A drone on its way, seen by a filter that starts at the truth but for what it is told.
+struct Flight {
+  DroneFeatures drone;
+  Estimator estimator;
+};
+
+Flight take_off(Scenario scene, std::uint64_t seed, bool calibrate) {
+  FeatureScenario scenario;
+  scenario.flight.scenario = scene;
+  scenario.flight.agents = 1;
+  scenario.flight.duration_s = 14;
+  scenario.camera.first_image_s = 0.1023;
+  FeatureSimulation simulation = simulate_features(scenario, seed);
+  DroneFeatures& drone = simulation.drones.front();
+  EstimatorConfig config;
+  config.imu_noise = scenario.imu.noise;
+  config.calibrate_extrinsics = config.calibrate_time_offset = calibrate;
+  config.extrinsics = disturbed_extrinsics(drone.extrinsics, config, seed);
+  Flight flight{std::move(drone), Estimator(config)};
+  flight.estimator.initialize(disturbed_start(flight.drone, flight.drone.truth.front().bias, seed));
+  for (const ImuSample& sample : flight.drone.imu) flight.estimator.add_imu(sample);
+  return flight;
+}
+
+double time_of(const DroneFeatures& drone, const CameraMeasurement& image) {
+  return seconds_between(drone.imu.front().stamp_ns, image.stamp_ns);
+}
+
+TEST(Estimator, AnImageThatShowsNothingLeavesTheWindowAsItIs) {
+  auto [drone, estimator] = take_off(Scenario::kCastleAround, 1, false);
+  UpdateReport before;
+  bool blind = false;
+  for (const CameraMeasurement& image : drone.camera) {
+    const double time_s = time_of(drone, image);
+    if (time_s > 7) break;
+    const bool was_blind = blind;
+    blind = time_s > 5 && time_s < 6;
+    const UpdateReport report =
+        blind ? estimator.pass_image(image.stamp_ns) : estimator.add_camera(image);
+    ASSERT_TRUE(report.propagated);
+    EXPECT_EQ(estimator.odometry().stamp_ns, image.stamp_ns);
+    if (blind) {
+      EXPECT_EQ(report.clones, before.clones);
+      EXPECT_EQ(report.slam_features, before.slam_features);
+      const bool told = estimator.odometry().status == FilterStatus::kDegraded;
+      EXPECT_TRUE(told || time_s < 5.6);
+    } else if (was_blind) {
+      EXPECT_GT(report.slam_used, 0) << "landmarks have waited";
+    }
+    before = report;
+  }
+  EXPECT_EQ(estimator.odometry().status, FilterStatus::kTracking);
+  EXPECT_LT(compare(estimator.odometry(), drone).position_m, 0.3);
+}
+
+// For four seconds each image has tracks of its own: nothing contradicts the state, nothing can be
+// used. What is seen then is taken for a batch, as at the start.
+TEST(Estimator, AfterSecondsWithoutAFeatureItBeginsToSeeAnew) {
+  constexpr int kBatch = 20;  // tracks, at least
+  auto [drone, estimator] = take_off(Scenario::kCastleAround, 1, false);
+  std::uint64_t fresh = 1'000'000;
+  int first_used = 0;
+  for (CameraMeasurement image : drone.camera) {
+    const double time_s = time_of(drone, image);
+    if (time_s > 4 && time_s < 8) {
+      for (TrackObservation& track : image.tracks) track.track_id = fresh++;
+    }
+    const UpdateReport report = estimator.add_camera(image);
+    EXPECT_FALSE(report.reinitialized);
+    if (time_s > 4.7 && time_s < 8) {
+      EXPECT_EQ(estimator.odometry().status, FilterStatus::kDegraded);
+      EXPECT_EQ(report.slam_used + report.msckf_used, 0);
+    }
+    if (time_s > 8 && first_used == 0) first_used = report.slam_used + report.msckf_used;
+  }
+  EXPECT_GE(first_used, kBatch);
+  EXPECT_EQ(estimator.odometry().status, FilterStatus::kTracking);
+  EXPECT_LT(compare(estimator.odometry(), drone).position_nees, 30) << "of 3 degrees of freedom";
+}
+
 // For three seconds all bearings are wrong, each otherwise. The drone flies on and turns.
 struct CorruptedFlight {
   std::vector<ErrorSample> restarted;  // errors from the restart on
@@ -90,24 +171,11 @@ struct CorruptedFlight {
 
 CorruptedFlight fly_corrupted(Scenario scene, std::uint64_t seed, bool calibrate) {
   constexpr double kFrom_s = 4, kTo_s = 7;
-  FeatureScenario scenario;
-  scenario.flight.scenario = scene;
-  scenario.flight.agents = 1;
-  scenario.flight.duration_s = 14;
-  scenario.camera.first_image_s = 0.1023;
-  const FeatureSimulation simulation = simulate_features(scenario, seed);
-  const DroneFeatures& drone = simulation.drones.front();
-  EstimatorConfig config;
-  config.imu_noise = scenario.imu.noise;
-  config.calibrate_extrinsics = config.calibrate_time_offset = calibrate;
-  config.extrinsics = disturbed_extrinsics(drone.extrinsics, config, seed);
-  Estimator estimator(config);
-  estimator.initialize(disturbed_start(drone, drone.truth.front().bias, seed));
-  for (const ImuSample& sample : drone.imu) estimator.add_imu(sample);
+  auto [drone, estimator] = take_off(scene, seed, calibrate);
   Random random(seed, 0xbad);
   CorruptedFlight flight;
   for (CameraMeasurement image : drone.camera) {
-    const double time_s = seconds_between(drone.imu.front().stamp_ns, image.stamp_ns);
+    const double time_s = time_of(drone, image);
     if (time_s > kFrom_s && time_s < kTo_s) {
       for (TrackObservation& track : image.tracks) {
         track.bearing += 0.1 * random.gaussian_vector().head<2>();
@@ -116,8 +184,9 @@ CorruptedFlight fly_corrupted(Scenario scene, std::uint64_t seed, bool calibrate
     const UpdateReport report = estimator.add_camera(image);
     if (report.reinitialized) {
       ++flight.restarts;
-      const auto q_at = [&](double t) { return drone.trajectory.pose_at(t).q_world_imu; };
-      flight.turned = q_at(kFrom_s).angularDistance(q_at(time_s));
+      const Trajectory& truth = drone.trajectory;
+      flight.turned =
+          truth.pose_at(kFrom_s).q_world_imu.angularDistance(truth.pose_at(time_s).q_world_imu);
     }
     if (flight.restarts > 0 && report.propagated) {
       flight.restarted.push_back(compare(estimator.odometry(), drone));
