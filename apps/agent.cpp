@@ -126,9 +126,9 @@ std::string words_on_peers(const std::set<std::string>& there, std::size_t expec
 
 Agent::Agent(const AgentConfig& config)
     : config_(checked(config)),
+      dataset_(recording_of(config.agent)),
       folder_(make_folder(config.agent)),
       status_file_(folder_ / kAgentStatusFile),
-      dataset_(recording_of(config.agent)),
       pipeline_(config,
                 {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),

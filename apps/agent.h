@@ -103,10 +103,11 @@ class Agent {
   [[nodiscard]] nlohmann::json exchange_details() const;
 
   AgentConfig config_;
-  // First of all: who looks at the folder meanwhile shall not take an earlier flight for this one.
+  Dataset dataset_;
+  // Once there is something to fly: who looks at it meanwhile shall not take an earlier flight for
+  // this one.
   std::filesystem::path folder_;
   StatusFile status_file_;
-  Dataset dataset_;
   Pipeline pipeline_;
   std::unique_ptr<Link> link_;  // none when flown alone
   OdometryWriter odometry_file_;

@@ -11,7 +11,7 @@ namespace covey {
 
 class StatusFile {
  public:
-  // Writes that nothing has been flown yet: to read a recording and to meet others takes a while.
+  // Writes that nothing has been flown yet: to meet others takes a while.
   explicit StatusFile(std::filesystem::path file);
 
   // A second after it was written last, by a clock that goes on whatever is flown.

@@ -218,7 +218,7 @@ std::vector<const Track*> Estimator::Impl::slam_candidates(const std::vector<con
     const bool used = std::find(taken.begin(), taken.end(), &track) != taken.end();
     if (track.seen_now && !used && track.observations.size() >= 4) chosen.push_back(&track);
   }
-  return spread_over_image(std::move(chosen), landmarks);
+  return spread_over_image(chosen, landmarks);
 }
 
 void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport& report) {

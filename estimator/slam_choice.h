@@ -14,6 +14,6 @@ namespace covey {
 // features, those before it in the order counted, the track that was seen longest. `taken`:
 // bearings of the features that there are. All bearings are those of the newest image.
 [[nodiscard]] std::vector<const Track*> spread_over_image(
-    std::vector<const Track*> tracks, const std::vector<Eigen::Vector2d>& taken);
+    const std::vector<const Track*>& tracks, const std::vector<Eigen::Vector2d>& taken);
 
 }  // namespace covey
