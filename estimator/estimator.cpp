@@ -2,6 +2,7 @@
 #include "estimator/estimator.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -11,7 +12,6 @@
 #include "estimator/keyframe_policy.h"
 #include "estimator/observation_model.h"
 #include "estimator/peer_update.h"
-#include "estimator/slam_choice.h"
 #include "estimator/so3.h"
 #include "estimator/vision_update.h"
 #include "estimator/zero_velocity.h"
@@ -45,11 +45,13 @@ constexpr std::size_t kEnoughTracks = 20;  // to see with
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
 
-const TrackObservation* find_track(const TrackList& tracks, std::uint64_t id) {
-  const auto place = std::lower_bound(
-      tracks.begin(), tracks.end(), id,
-      [](const TrackObservation& track, std::uint64_t wanted) { return track.track_id < wanted; });
-  return place != tracks.end() && place->track_id == id ? &*place : nullptr;
+// A landmark in each cell of a coarse grid: SLAM features should look in all directions.
+constexpr int kGrid = 4;
+int grid_cell(const Eigen::Vector2d& bearing) {
+  const auto index = [](double x) {
+    return std::clamp(static_cast<int>((x + 1) / 2 * kGrid), 0, kGrid - 1);
+  };
+  return index(bearing.x()) * kGrid + index(bearing.y());
 }
 
 // Appends to FilterSnapshot::state.
@@ -114,8 +116,7 @@ struct Estimator::Impl {
   void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
   std::vector<const Track*> ended_or_leaving(std::optional<std::uint64_t> leaving) const;
-  std::vector<const Track*> slam_candidates(const std::vector<const Track*>& taken,
-                                            const TrackList& tracks) const;
+  std::vector<const Track*> slam_candidates(const std::vector<const Track*>& taken) const;
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
@@ -205,26 +206,36 @@ std::vector<const Track*> Estimator::Impl::ended_or_leaving(
   return chosen;
 }
 
-// Tracks that go on, in the order in which they should become SLAM features.
-std::vector<const Track*> Estimator::Impl::slam_candidates(const std::vector<const Track*>& taken,
-                                                           const TrackList& tracks) const {
-  std::vector<Eigen::Vector2d> landmarks;
+// Tracks that go on, longest first, those from cells without SLAM features before the others.
+std::vector<const Track*> Estimator::Impl::slam_candidates(
+    const std::vector<const Track*>& taken) const {
+  std::array<int, static_cast<std::size_t>(kGrid) * kGrid> in_cell{};
   for (const SlamLandmark& landmark : state->landmarks()) {
-    const TrackObservation* seen = find_track(tracks, landmark.track_id);
-    if (seen != nullptr) landmarks.push_back(seen->bearing);
+    ++in_cell[static_cast<std::size_t>(grid_cell(landmark.inverse_depth.head<2>()))];
   }
   std::vector<const Track*> chosen;
   for (const Track& track : store.tracks()) {
     const bool used = std::find(taken.begin(), taken.end(), &track) != taken.end();
     if (track.seen_now && !used && track.observations.size() >= 4) chosen.push_back(&track);
   }
-  return spread_over_image(chosen, landmarks);
+  const auto crowd = [&](const Track* track) {
+    return in_cell[static_cast<std::size_t>(grid_cell(track->observations.back().bearing))];
+  };
+  std::stable_sort(chosen.begin(), chosen.end(), [&](const Track* a, const Track* b) {
+    if (crowd(a) != crowd(b)) return crowd(a) < crowd(b);
+    return a->observations.size() > b->observations.size();
+  });
+  return chosen;
 }
 
 void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport& report) {
   for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
     const std::uint64_t id = state->landmarks()[static_cast<std::size_t>(i)].track_id;
-    if (find_track(tracks, id) != nullptr) continue;
+    const auto place = std::lower_bound(tracks.begin(), tracks.end(), id,
+                                        [](const TrackObservation& track, std::uint64_t wanted) {
+                                          return track.track_id < wanted;
+                                        });
+    if (place != tracks.end() && place->track_id == id) continue;
     state->remove_landmark(i);
     ++report.slam_lost;
   }
@@ -309,7 +320,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   const std::vector<const Track*> features = ended_or_leaving(leaving);
   const int free_slots = config.max_slam_features - static_cast<int>(state->landmarks().size());
   std::vector<const Track*> candidates;
-  if (free_slots > 0) candidates = slam_candidates(features, tracks);
+  if (free_slots > 0) candidates = slam_candidates(features);
   for (const std::uint64_t id :
        vision->update_tracks(*state, features, candidates, free_slots, report)) {
     if (state->find_landmark(id) >= 0) {
