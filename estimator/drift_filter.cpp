@@ -430,14 +430,20 @@ DriftFilter::Linearised DriftFilter::linearise(const Sides& sides, const Relativ
   return result;
 }
 
-DriftFilter::Knowledge DriftFilter::knowledge() const {
-  return {nodes_, x_.head(size()), P_.topLeftCorner(size(), size())};
+void DriftFilter::save() {
+  saved_.nodes = nodes_;
+  if (saved_.P.rows() != P_.rows()) {
+    saved_.x.resize(x_.size());
+    saved_.P.resize(P_.rows(), P_.cols());
+  }
+  saved_.x.head(size()) = x_.head(size());
+  saved_.P.topLeftCorner(size(), size()) = P_.topLeftCorner(size(), size());
 }
 
-void DriftFilter::restore(const Knowledge& before) {
-  nodes_ = before.nodes;
-  x_.head(size()) = before.x;
-  P_.topLeftCorner(size(), size()) = before.P;
+void DriftFilter::restore() {
+  nodes_ = saved_.nodes;
+  x_.head(size()) = saved_.x.head(size());
+  P_.topLeftCorner(size(), size()) = saved_.P.topLeftCorner(size(), size());
 }
 
 // Whether a relative pose fits shows only once its keyframes are in the state, and for them others
@@ -445,13 +451,13 @@ void DriftFilter::restore(const Knowledge& before) {
 DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement) {
   const UsedPose pose = to_used(measurement);
   if (said_enough(drones_[drone], pose)) return DriftOutcome::kRepeated;
-  const Knowledge before = knowledge();
+  save();
   make_room();
   const DriftOutcome outcome = fuse(drone, measurement, repetition(drones_[drone], pose));
   if (outcome == DriftOutcome::kUsed) {
     count_used(drones_[drone], pose);
   } else {
-    restore(before);
+    restore();
   }
   return outcome;
 }

@@ -127,8 +127,7 @@ class DriftFilter {
     int count = 0;
     double log_position = 0, log_angle = 0;  // m2 and rad2, sums over the three axes
   };
-  // The state, to be taken back.
-  struct Knowledge {
+  struct Saved {
     std::vector<Node> nodes;
     Eigen::VectorXd x;
     Eigen::MatrixXd P;
@@ -156,8 +155,8 @@ class DriftFilter {
   void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
               const Matrix6d& A_later, const Matrix6d& Q);
   void reserve(Eigen::Index size);
-  [[nodiscard]] Knowledge knowledge() const;
-  void restore(const Knowledge& before);
+  void save();
+  void restore();
   void make_room();
   void forget(int index);
   [[nodiscard]] static UsedPose to_used(const RelativePose& measurement);
@@ -205,6 +204,7 @@ class DriftFilter {
   // 6 per node; with room behind them, so that nodes that come and go move no others.
   Eigen::VectorXd x_;
   Eigen::MatrixXd P_;
+  Saved saved_;                       // the state before the newest relative pose; as large as that
   std::deque<OwnDrift> own_history_;  // rising stamps
   UsualFound usual_found_;
 };
