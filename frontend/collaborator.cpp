@@ -366,16 +366,16 @@ void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason
 
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   ++report_.adverts_received;
-  if (int* counter = mistake_in(advert)) {
-    ++*counter;
+  if (const Counter counter = mistake_in(advert)) {
+    ++(report_.*counter);
     return std::nullopt;
   }
   if (has_started_anew(advert)) forget(advert.sender);
   matcher_.note_keyframe(advert.sender, advert.keyframe_id);
   note_stranger(advert.sender);
   const std::optional<CameraView> asked_from = view_of_asker(advert);
-  if (int* counter = refusal(advert, asked_from)) {
-    ++*counter;
+  if (const Counter counter = refusal(advert, asked_from)) {
+    ++(report_.*counter);
     return std::nullopt;
   }
   const int most = limiter_.max_landmarks(advert.sender, now_ns_);
@@ -434,25 +434,27 @@ const Keyframe* Collaborator::hear_found(const PeerKeyframe& message) {
 }
 
 bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
-  return matcher_.has_started_anew(advert.sender, advert.keyframe_id);
+  return !mistake_in(advert) && matcher_.has_started_anew(advert.sender, advert.keyframe_id);
 }
 
-int* Collaborator::mistake_in(const PlaceAdvert& advert) {
-  if (advert.sender == config_.agent) return &report_.advert_own;
-  if (advert.sender.empty() || !is_plausible(advert.view)) return &report_.advert_malformed;
-  if (advert.vocabulary_hash != vocabulary_hash_) return &report_.advert_other_vocabulary;
+Collaborator::Counter Collaborator::mistake_in(const PlaceAdvert& advert) const {
+  using Report = CollaboratorReport;
+  if (advert.sender == config_.agent) return &Report::advert_own;
+  if (advert.sender.empty() || !is_plausible(advert.view)) return &Report::advert_malformed;
+  if (advert.vocabulary_hash != vocabulary_hash_) return &Report::advert_other_vocabulary;
   if (!is_brief(advert) &&
       !is_place_size(vocabulary_, config_.place_mode, advert.descriptor.size())) {
-    return &report_.advert_malformed;
+    return &Report::advert_malformed;
   }
   return nullptr;
 }
 
-int* Collaborator::refusal(const PlaceAdvert& advert, const std::optional<CameraView>& asked_from) {
+Collaborator::Counter Collaborator::refusal(const PlaceAdvert& advert,
+                                            const std::optional<CameraView>& asked_from) const {
   if (is_brief(advert) && (!asked_from || !is_sure(*asked_from, tolerance_))) {
-    return &report_.advert_unknown_asker;
+    return &CollaboratorReport::advert_unknown_asker;
   }
-  return limiter_.allows(advert.sender, now_ns_) ? nullptr : &report_.advert_too_soon;
+  return limiter_.allows(advert.sender, now_ns_) ? nullptr : &CollaboratorReport::advert_too_soon;
 }
 
 // At these angles, rad.

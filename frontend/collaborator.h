@@ -99,7 +99,7 @@ struct CollaboratorReport {
   int adverts_received = 0;
   int answered = 0;
   int advert_own = 0;               // our own advert come back
-  int advert_malformed = 0;         // no sender, or a descriptor of the wrong size
+  int advert_malformed = 0;         // no sender, no plausible view, or a descriptor of a wrong size
   int advert_other_vocabulary = 0;  // or another place mode
   int advert_unknown_asker = 0;     // a brief one of a drone of which is not known where it is
   int advert_unknown_place = 0;     // no keyframe scores enough
@@ -182,11 +182,12 @@ class Collaborator {
   void note_stranger(const std::string& sender);
   void forget_strangers_that_left();
   [[nodiscard]] std::optional<CameraView> view_of_asker(const PlaceAdvert& advert) const;
-  // The counter of why nobody answers such an advert, or null.
-  [[nodiscard]] int* mistake_in(const PlaceAdvert& advert);
-  // The counter of why it gets no answer now, or null. `asked_from`: view_of_asker().
-  [[nodiscard]] int* refusal(const PlaceAdvert& advert,
-                             const std::optional<CameraView>& asked_from);
+  using Counter = int CollaboratorReport::*;
+  // Of why nobody answers such an advert, or null.
+  [[nodiscard]] Counter mistake_in(const PlaceAdvert& advert) const;
+  // Of why it gets no answer now, or null. `asked_from`: view_of_asker().
+  [[nodiscard]] Counter refusal(const PlaceAdvert& advert,
+                                const std::optional<CameraView>& asked_from) const;
   [[nodiscard]] std::vector<const Keyframe*> not_just_sent_to(const std::string& peer) const;
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> find_matches(
       const PeerKeyframe& message) const;

@@ -319,20 +319,27 @@ TEST(Pipeline, OfAPeerWhoseQuestionsCountFromTheBeginningAgainNothingIsKept) {
   Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
   Drone other("uav1", FlightMode::kCollaborative);
   const DriftFilter& known = *one.pipeline().team_knowledge();
+  PlaceAdvert question;
   for (std::size_t i = 0; i < one.images(); ++i) {
     const ImageResult mine = one.fly(i);
     (void)other.fly(i);
     if (!mine.advert) continue;
-    const auto answer = other.pipeline().answer(*mine.advert);
+    question = *mine.advert;
+    const auto answer = other.pipeline().answer(question);
     if (answer) (void)one.pipeline().fuse(*answer);
   }
-  PlaceAdvert question;
   question.sender = "uav1";
   for (const auto& [keyframe_id, is_known] :
        {std::pair(5, true), std::pair(6, true), std::pair(1, false)}) {
     question.keyframe_id = static_cast<std::uint64_t>(keyframe_id);
     (void)one.pipeline().answer(question);
     EXPECT_EQ(known.alignment("uav1").has_value(), is_known) << keyframe_id;
+    if (!is_known) continue;
+    PlaceAdvert unusable = question;
+    unusable.keyframe_id = 1;
+    unusable.vocabulary_hash += 1;
+    (void)one.pipeline().answer(unusable);
+    EXPECT_TRUE(known.alignment("uav1")) << "what nobody can answer says nothing";
   }
 }
 
