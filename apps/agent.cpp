@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/agent.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "apps/json_file.h"
 #include "apps/link_process.h"
@@ -112,16 +115,15 @@ bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& st
 
 std::string words_on_peers(const std::set<std::string>& there, std::size_t expected,
                            const LinkStatistics& statistics) {
-  std::string names, rejected;
-  for (const std::string& peer : there) names += (names.empty() ? ": " : ", ") + peer;
+  std::vector<std::string> rejected;
   for (const auto& [peer, reasons] : statistics.rejected) {
     for (const auto& [reason, count] : reasons) {
-      rejected += (rejected.empty() ? "; rejected: " : ", ") + peer + " (" + reason + ", " +
-                  std::to_string(count) + " times)";
+      rejected.push_back(fmt::format("{} ({}, {} times)", peer, reason, count));
     }
   }
-  return std::to_string(there.size()) + " of " + std::to_string(expected) + " peers found" + names +
-         rejected;
+  return fmt::format("{} of {} peers found{}{}{}{}", there.size(), expected,
+                     there.empty() ? "" : ": ", fmt::join(there, ", "),
+                     rejected.empty() ? "" : "; rejected: ", fmt::join(rejected, ", "));
 }
 
 Agent::Agent(const AgentConfig& config)

@@ -11,7 +11,8 @@ namespace {
 
 // Twice what fits into a status: drones that come back are other ones until their ghosts have gone.
 constexpr std::size_t kMaxPeers = 2 * kMaxHears;
-static_assert(2 * kMaxAgents <= kMaxHears, "a status must name all that are heard");
+static_assert(kMaxAgents <= static_cast<int>(kMaxHears) / 2,
+              "a status must name all that are heard");
 // A newcomer may have to be told of this drone more than once before both are linked.
 constexpr std::chrono::seconds kWelcome{5};
 // Who has not got on for so long is no drone, or not within reach.
