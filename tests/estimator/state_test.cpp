@@ -15,6 +15,7 @@
 #include "estimator/observation_model.h"
 #include "estimator/so3.h"
 #include "estimator/vision_update.h"
+#include "tests/estimator/moved_imu.h"
 #include "tests/estimator/numeric_jacobian.h"
 
 namespace covey {
@@ -55,16 +56,6 @@ std::vector<ImuSample> wobble(double from_s) {
 ImuState carried(const ImuState& start, const std::vector<ImuSample>& samples) {
   return carried_over(start, integrate_imu(samples, start.gyro_bias, start.accel_bias, ImuNoise()),
                       samples.back().stamp_ns, kGravity);
-}
-
-ImuState moved(ImuState imu, const Eigen::VectorXd& dx) {
-  imu.pose.p_world_imu += dx.segment<3>(State::kPosition);
-  imu.v_world_imu += dx.segment<3>(State::kVelocity);
-  imu.pose.q_world_imu =
-      imu.pose.q_world_imu * exp_quaternion(Eigen::Vector3d(dx.segment<3>(State::kRotation)));
-  imu.gyro_bias += dx.segment<3>(State::kGyroBias);
-  imu.accel_bias += dx.segment<3>(State::kAccelBias);
-  return imu;
 }
 
 Eigen::VectorXd difference(const ImuState& from, const ImuState& to) {

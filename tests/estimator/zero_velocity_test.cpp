@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimator/so3.h"
+#include "tests/estimator/moved_imu.h"
 #include "tests/estimator/numeric_jacobian.h"
 
 namespace covey {
@@ -41,16 +42,6 @@ std::vector<ImuSample> readings(const State& state, const Eigen::Vector3d& more_
 bool update(State& state, const std::vector<ImuSample>& interval) {
   EkfUpdate rows(16, state.capacity());
   return update_zero_velocity(state, rows, interval, config());
-}
-
-ImuState moved(ImuState imu, const Eigen::VectorXd& dx) {
-  imu.pose.p_world_imu += dx.segment<3>(State::kPosition);
-  imu.v_world_imu += dx.segment<3>(State::kVelocity);
-  imu.pose.q_world_imu =
-      imu.pose.q_world_imu * exp_quaternion(Eigen::Vector3d(dx.segment<3>(State::kRotation)));
-  imu.gyro_bias += dx.segment<3>(State::kGyroBias);
-  imu.accel_bias += dx.segment<3>(State::kAccelBias);
-  return imu;
 }
 
 // The residual is measurement minus expectation.
