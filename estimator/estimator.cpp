@@ -126,7 +126,9 @@ struct Estimator::Impl {
   PeerReport fuse(const KeyframeMatch& match);
   void degrade_if_blind(TimeNs stamp_ns);
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
-  void watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report);
+  void carry_healthy(const std::vector<ImuSample>& interval);
+  void watch_health(TimeNs stamp_ns, std::size_t tracks, const std::vector<ImuSample>& interval,
+                    UpdateReport& report);
   void look_again(UpdateReport& report);
   void restart(UpdateReport& report);
 
@@ -173,7 +175,6 @@ std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport&
   const ImuIncrement increment =
       integrate_imu(interval, now.gyro_bias, now.accel_bias, config.imu_noise);
   state->propagate(increment, stamp_ns, config.gravity, config.imu_noise);
-  healthy = dead_reckoned(healthy, interval, config);
   imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
 }
@@ -414,9 +415,15 @@ void Estimator::Impl::refuse_image(TimeNs stamp_ns, UpdateReport& report) {
   degrade_if_blind(stamp_ns);
 }
 
+// Over an interval at whose end the state itself is not believed.
+void Estimator::Impl::carry_healthy(const std::vector<ImuSample>& interval) {
+  if (!interval.empty()) healthy = dead_reckoned(healthy, interval, config);
+}
+
 // Lost: most features contradict the state or updates fail for seconds, no feature is accepted
 // though there are many, or the motion is impossible.
-void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateReport& report) {
+void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks,
+                                   const std::vector<ImuSample>& interval, UpdateReport& report) {
   const int used = report.slam_used + report.msckf_used;
   const int gated = report.slam_gated + report.msckf_gated;
   const bool finite = state->imu().pose.p_world_imu.allFinite() &&
@@ -430,6 +437,7 @@ void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks, UpdateRe
     status = FilterStatus::kTracking;
     return;
   }
+  carry_healthy(interval);
   const double blind_s = seconds_between(healthy_ns, stamp_ns);
   if (possible && blind_s < kDegradedAfter_s) return;
   status = FilterStatus::kDegraded;
@@ -521,7 +529,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   }
   report.propagate_ms = self.now_ms() - start;
   self.update(tracks, report);
-  self.watch_health(stamp_ns, tracks.size(), report);
+  self.watch_health(stamp_ns, tracks.size(), interval, report);
   report.clones = static_cast<int>(self.state->clones().size());
   report.slam_features = static_cast<int>(self.state->landmarks().size());
   return report;
@@ -534,8 +542,10 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   if (!self.state) return report;
   const double start = self.now_ms();
   const TimeNs stamp_ns = image_stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
-  report.propagated = !self.propagate(stamp_ns, report).empty();
+  const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
+  report.propagated = !interval.empty();
   if (report.propagated) {
+    self.carry_healthy(interval);
     self.degrade_if_blind(stamp_ns);
   } else {
     self.refuse_image(stamp_ns, report);
