@@ -91,7 +91,7 @@ class Observer {
       sightings_ += tracks;
       begun_ += static_cast<double>(result.tracks_begun);
     }
-    if (result.odometry) flight_.path.push_back({stamp_ns, result.odometry->pose});
+    if (result.odometry) flight_.path.push_back({result.odometry->stamp_ns, result.odometry->pose});
   }
 
   Pipeline pipeline_;

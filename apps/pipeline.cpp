@@ -126,10 +126,8 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   if (grey.empty()) {
     result.update = estimator_.pass_image(stamp_ns);
     result.timing.propagate_ms = result.update.propagate_ms;
-    if (started()) {
-      take_odometry(estimator_.odometry(), result);
-      result.odometry = with_team(*result.alone);
-    }
+    if (started()) take_odometry(result);
+    if (result.alone) result.odometry = with_team(*result.alone);
     remember_image(stamp_ns, q_scene_now);
     return result;
   }
@@ -138,7 +136,10 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   if (started()) {
     result.update = estimator_.add_camera(to_measurement(frame));
     take_over(result.update, result.timing);
-    take_odometry(estimator_.odometry(), result);
+    take_odometry(result);
+  }
+  if (result.alone) {
+    frame.stamp_ns = result.alone->stamp_ns;  // of the pose it belongs to from here on
     if (collaborator_) result.advert = keyframe(frame, *result.alone, result.timing);
     if (result.advert && config_.collaboration.exchange == ExchangeMode::kNaive) {
       result.advert.reset();
@@ -197,10 +198,11 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
   return frame;
 }
 
-void Pipeline::take_odometry(Odometry alone, ImageResult& result) {
-  alone.stamp_ns = result.timing.stamp_ns;  // the image's clock, may be offset from the IMU's
+// Where the IMU has not carried the filter to the image nobody knows where the drone is.
+void Pipeline::take_odometry(ImageResult& result) {
+  const Odometry alone = estimator_.odometry();
   status_.status = alone.status;
-  result.alone = alone;
+  if (result.update.propagated) result.alone = alone;
 }
 
 Odometry Pipeline::with_team(const Odometry& alone) const {

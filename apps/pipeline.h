@@ -38,7 +38,9 @@ struct SensorSetup {
 };
 
 struct ImageResult {
-  std::optional<Odometry> odometry;   // once started; with what the team knows
+  // Once started, when the IMU reaches the image; with what the team knows. At the instant of the
+  // image on the IMU's clock.
+  std::optional<Odometry> odometry;
   std::optional<Odometry> alone;      // the same without it
   std::optional<PlaceAdvert> advert;  // what to ask, when flying together: at keyframes, or always
   std::optional<FullPeerKeyframe> announcement;  // for all, in the naive exchange
@@ -112,7 +114,7 @@ class Pipeline {
                                  const Eigen::Matrix3d& R_cam_previous, ImageResult& result);
   [[nodiscard]] TrackedFrame track(TimeNs stamp_ns, const cv::Mat& grey,
                                    const Eigen::Matrix3d& R_cam_previous, ImageResult& result);
-  void take_odometry(Odometry alone, ImageResult& result);
+  void take_odometry(ImageResult& result);
   [[nodiscard]] Odometry with_team(const Odometry& alone) const;
   void start_if_possible(TimeNs stamp_ns);
   void forget_old_imu(TimeNs stamp_ns);
