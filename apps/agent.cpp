@@ -49,7 +49,7 @@ fs::path make_folder(const AgentSettings& agent) {
 
 // Whether the whole filter fits into a message.
 void require_sendable(const EstimatorConfig& estimator) {
-  constexpr int kImuAndCalibration = 15 + 7;
+  constexpr int kImuAndCalibration = 15 + 7;  // intrinsics stay at home
   const int states =
       kImuAndCalibration + 6 * (estimator.max_clones + 1) + 3 * estimator.max_slam_features;
   if (states <= kMaxFilterDimension) return;
@@ -492,6 +492,24 @@ nlohmann::json level_frame_json(const Eigen::Isometry3d& frame) {
   return {{"position_m", {p.x(), p.y(), p.z()}}, {"yaw_deg", yaw * 180 / M_PI}};
 }
 
+nlohmann::json numbers(const Eigen::VectorXd& v) {
+  return std::vector<double>(v.data(), v.data() + v.size());
+}
+
+nlohmann::json calibration_json(const FoundCalibration& found) {
+  const CameraIntrinsics& camera = found.camera;
+  const Eigen::Vector4d focal(camera.fx, camera.fy, camera.fx, camera.fy);
+  constexpr double kDegrees = 180 / M_PI;
+  return {{"time_offset_s", found.extrinsics.time_offset_s},
+          {"time_offset_sigma_s", found.sigma.time_offset_s},
+          {"p_imu_cam_m", numbers(found.extrinsics.p_imu_cam)},
+          {"p_imu_cam_sigma_m", numbers(found.sigma.p_imu_cam)},
+          {"q_imu_cam_xyzw", numbers(found.extrinsics.q_imu_cam.coeffs())},
+          {"q_imu_cam_sigma_deg", numbers(kDegrees * found.sigma.theta_imu_cam)},
+          {"intrinsics_px", {camera.fx, camera.fy, camera.cx, camera.cy}},
+          {"intrinsics_sigma_px", numbers(focal.cwiseProduct(found.sigma.intrinsics))}};
+}
+
 // In the own world, those that have been found.
 nlohmann::json peer_worlds(const DriftFilter& team) {
   nlohmann::json json = nlohmann::json::object();
@@ -523,6 +541,7 @@ void Agent::finish(const std::optional<std::string>& incomplete) {
   told.incomplete = incomplete;
   nlohmann::json json = to_json(told);
   if (link_) json["exchange_details"] = exchange_details();
+  json["camera"] = calibration_json(pipeline_.found_calibration());
   json["own_world"] = level_frame_json(pipeline_.own_world());
   if (pipeline_.team_knowledge() != nullptr) {
     json["peer_worlds"] = peer_worlds(*pipeline_.team_knowledge());

@@ -83,7 +83,8 @@ enum class ThermalMode {
 struct ThermalConfig {
   ThermalMode mode = ThermalMode::kAuto;
   // Of a thermal camera's pixels: images stamped when they are read out show the past by so much.
-  // Zero for drivers that account for it, as our simulator does.
+  // Zero for drivers that account for it, as our simulator does. A few ms are found in flight
+  // (EstimatorConfig::calibrate_time_offset).
   double time_constant_s = 0;
   PixelLagConfig pixel_lag;  // taken out of calibrated images
   // As TrackerConfig has it for other images. Pixels that lag and a pattern that stands still do
@@ -92,12 +93,16 @@ struct ThermalConfig {
   PhotometricConfig photometric;
 };
 
+// What sensor.yaml says of the camera is about right, and gets better in flight.
+[[nodiscard]] EstimatorConfig calibrating_estimator();
+
 struct AgentConfig {
   AgentSettings agent;
   InitialisationConfig initialisation;
   ThermalConfig thermal;
   TrackerConfig tracker;
-  EstimatorConfig estimator;  // imu_noise and extrinsics are the dataset's, from sensor.yaml
+  // imu_noise and extrinsics are the dataset's, from sensor.yaml.
+  EstimatorConfig estimator = calibrating_estimator();
   CollaboratorConfig collaboration;
   FusionConfig fusion;
   LinkConfig link;  // its profile is the one that is chosen here:

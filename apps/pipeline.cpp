@@ -82,6 +82,7 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from
 Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                    std::optional<GroundTruth> truth)
     : config_(config),
+      camera_(sensors.camera),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
       lag_estimator_(config.thermal.pixel_lag),
       tracker_(tracker_config(config, sensors), sensors.camera),
@@ -140,7 +141,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   }
   if (result.alone) {
     frame.stamp_ns = result.alone->stamp_ns;  // of the pose it belongs to from here on
-    if (collaborator_) result.advert = keyframe(frame, *result.alone, result.timing);
+    if (collaborator_) result.advert = keyframe(frame, result.timing);
     if (result.advert && config_.collaboration.exchange == ExchangeMode::kNaive) {
       result.advert.reset();
       if (auto newest = collaborator_->announcement()) {
@@ -255,11 +256,9 @@ Eigen::Matrix3d Pipeline::predicted_rotation(const Eigen::Quaterniond& q_scene_n
   return (q_imu_cam.conjugate() * q_scene_now.conjugate() * q_imu_cam).toRotationMatrix();
 }
 
-std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometry& alone,
-                                              TimingRecord& timing) {
-  const CameraExtrinsics extrinsics = estimator_.extrinsics();
-  const Eigen::Isometry3d T_world_cam = camera_in_world(alone.pose, extrinsics);
-  if (alone.status != FilterStatus::kTracking) return std::nullopt;
+std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, TimingRecord& timing) {
+  if (status_.status != FilterStatus::kTracking) return std::nullopt;
+  const auto [T_world_cam, covariance] = estimator_.camera();
   const ExchangeMode exchange = config_.collaboration.exchange;
   const bool wanted = collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam);
   if (!wanted && exchange == ExchangeMode::kCompact) return std::nullopt;
@@ -267,17 +266,18 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometr
     const StageTimer timer(timing.describe_ms);
     tracker_.describe(frame, T_world_cam.linear());
   }
+  calibrate(frame);
   if (!wanted) {
     const StageTimer timer(timing.place_ms);
-    return collaborator_->add_frame(frame, tracker_.image(), T_world_cam,
-                                    camera_covariance(alone, extrinsics), estimator_.depths());
+    return collaborator_->add_frame(frame, tracker_.image(), T_world_cam, covariance,
+                                    estimator_.depths());
   }
   std::vector<KeyframeMatch> revisited;
   std::optional<PlaceAdvert> advert;
   {
     const StageTimer timer(timing.place_ms);
-    advert = collaborator_->add_keyframe(frame, tracker_.image(), T_world_cam,
-                                         camera_covariance(alone, extrinsics), estimator_.depths());
+    advert = collaborator_->add_keyframe(frame, tracker_.image(), T_world_cam, covariance,
+                                         estimator_.depths());
     if (drift_) drift_->add_own(collaborator_->database().last()->pose);
     if (drift_) revisited = collaborator_->revisit();
   }
@@ -290,6 +290,13 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, const Odometr
   ++status_.keyframes;
   for (const KeyframeMatch& match : revisited) (void)fuse(match);
   return advert;
+}
+
+// What is kept and told of an image is right as far as the intrinsics are known by now.
+void Pipeline::calibrate(TrackedFrame& frame) {
+  const Eigen::Vector4d error = estimator_.intrinsics_error();
+  collaborator_->set_intrinsics(corrected(camera_, error));
+  for (TrackedFeature& feature : frame.features) feature.bearing -= feature.by_intrinsics * error;
 }
 
 // As long as the keyframe may be an answer.
@@ -399,6 +406,11 @@ std::vector<TrackKind> Pipeline::kinds(const TrackedFrame& newest) {
 }
 
 AgentStatus Pipeline::status() const { return status_; }
+
+FoundCalibration Pipeline::found_calibration() const {
+  return {corrected(camera_, estimator_.intrinsics_error()), estimator_.extrinsics(),
+          estimator_.calibration_sigma()};
+}
 
 std::optional<CollaboratorReport> Pipeline::collaboration() const {
   if (!collaborator_) return std::nullopt;

@@ -37,6 +37,13 @@ struct SensorSetup {
   bool thermal = false;  // the camera
 };
 
+// The camera as the flight has shown it by now, and how sure that is.
+struct FoundCalibration {
+  CameraIntrinsics camera;
+  CameraExtrinsics extrinsics;
+  CalibrationSigma sigma;
+};
+
 struct ImageResult {
   // Once started, when the IMU reaches the image; with what the team knows. At the instant of the
   // image on the IMU's clock.
@@ -100,6 +107,7 @@ class Pipeline {
   [[nodiscard]] std::optional<double> pixel_lag_s() const {
     return pixel_lag_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
   }
+  [[nodiscard]] FoundCalibration found_calibration() const;
   // Empty when flown alone.
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.
@@ -125,9 +133,8 @@ class Pipeline {
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(const Eigen::Quaterniond& q_scene_now) const;
   [[nodiscard]] cv::Mat without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                                     const std::vector<TrackPlace>& expected);
-  // `alone`: what the odometry says that peers hear.
-  [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, const Odometry& alone,
-                                                    TimingRecord& timing);
+  [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, TimingRecord& timing);
+  void calibrate(TrackedFrame& frame);
   void keep_filter(std::uint64_t keyframe_id);
   PeerResult fuse(const KeyframeMatch& match);
   DriftOutcome fuse(const RelativePose& relative);
@@ -135,6 +142,7 @@ class Pipeline {
   void tell_world_of(const std::string& peer);
 
   AgentConfig config_;
+  CameraIntrinsics camera_;  // as the dataset has it
   Initialisation initialisation_;
   std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
   std::optional<PixelLag> pixel_lag_;                  // likewise

@@ -59,6 +59,9 @@ struct EstimatorConfig {
   double extrinsics_sigma_rad = 0.01;  // rad
   bool calibrate_time_offset = false;
   double time_offset_sigma_s = 0.005;  // s
+  bool calibrate_intrinsics = false;
+  double focal_length_sigma = 0.002;     // over the focal length
+  double principal_point_sigma = 0.002;  // over the focal length
 
   // Standing still or hovering: no track moves and the inertial readings stay level over the
   // window. The sigmas are what a hover still moves; they hold for one image's pseudo-measurement.

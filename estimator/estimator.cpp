@@ -78,6 +78,16 @@ class StateWriter {
   Eigen::Index next_ = 0;
 };
 
+// Where the rest stands in the error state.
+std::vector<int> without_intrinsics(const State& state) {
+  std::vector<int> rest;
+  for (int i = 0; i < state.dimension(); ++i) {
+    const int within = i - state.intrinsics_offset();
+    if (state.intrinsics_offset() < 0 || within < 0 || within >= 4) rest.push_back(i);
+  }
+  return rest;
+}
+
 FilterSnapshot snapshot_of(const State& state) {
   const ImuState& imu = state.imu();
   FilterSnapshot out;
@@ -96,7 +106,9 @@ FilterSnapshot snapshot_of(const State& state) {
     out.landmark_tracks.push_back(landmark.track_id);
     out.landmark_anchors.push_back(static_cast<std::uint8_t>(state.find_clone(landmark.anchor_id)));
   }
-  out.covariance = state.covariance().selfadjointView<Eigen::Lower>();
+  const Eigen::MatrixXd covariance = state.covariance().selfadjointView<Eigen::Lower>();
+  const std::vector<int> told = without_intrinsics(state);
+  out.covariance = covariance(told, told);
   return out;
 }
 
@@ -296,7 +308,8 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   store.begin_image();
   for (const TrackObservation& track : tracks) {
     if (state->find_landmark(track.track_id) >= 0) continue;
-    store.add(track.track_id, {clone_id, track.bearing, whitening(track.covariance)});
+    store.add(track.track_id,
+              {clone_id, track.bearing, whitening(track.covariance), track.by_intrinsics});
   }
   if (!seeing) {
     const double start_ms = now_ms();
@@ -585,6 +598,29 @@ Odometry Estimator::odometry() const {
   return odometry;
 }
 
+CameraEstimate Estimator::camera() const {
+  const State& state = impl_->told();
+  const CameraExtrinsics& extrinsics = state.extrinsics();
+  const Pose& imu = state.clones().back().pose;
+  const CameraPose camera = camera_pose(imu, extrinsics);
+  const Eigen::Matrix3d R = imu.q_world_imu.toRotationMatrix();
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, state.dimension());
+  auto by_imu = J.middleCols<6>(state.clone_offset(static_cast<int>(state.clones().size()) - 1));
+  by_imu << Eigen::Matrix3d::Identity(), -R * skew(extrinsics.p_imu_cam), Eigen::Matrix3d::Zero(),
+      R;
+  if (state.extrinsics_offset() >= 0) {
+    auto by_extrinsics = J.middleCols<6>(state.extrinsics_offset());
+    by_extrinsics.topLeftCorner<3, 3>() = R;
+    by_extrinsics.bottomRightCorner<3, 3>() = camera.R_world_cam;
+  }
+  CameraEstimate estimate;
+  estimate.T_world_cam.linear() = camera.R_world_cam;
+  estimate.T_world_cam.translation() = camera.p_world_cam;
+  const Matrix6d covariance = J * state.covariance() * J.transpose();
+  estimate.covariance = (covariance + covariance.transpose()) / 2;
+  return estimate;
+}
+
 FilterSnapshot Estimator::snapshot() const {
   return impl_->state ? snapshot_of(*impl_->state) : FilterSnapshot();
 }
@@ -618,6 +654,24 @@ std::vector<std::uint64_t> Estimator::slam_tracks() const {
 
 CameraExtrinsics Estimator::extrinsics() const {
   return impl_->state ? impl_->state->extrinsics() : impl_->config.extrinsics;
+}
+
+CalibrationSigma Estimator::calibration_sigma() const {
+  CalibrationSigma sigma;
+  if (!impl_->state) return sigma;
+  const State& state = *impl_->state;
+  const Eigen::VectorXd sigmas = state.covariance().diagonal().cwiseSqrt();
+  if (const int at = state.extrinsics_offset(); at >= 0) {
+    sigma.p_imu_cam = sigmas.segment<3>(at);
+    sigma.theta_imu_cam = sigmas.segment<3>(at + 3);
+  }
+  if (const int at = state.time_offset_offset(); at >= 0) sigma.time_offset_s = sigmas[at];
+  if (const int at = state.intrinsics_offset(); at >= 0) sigma.intrinsics = sigmas.segment<4>(at);
+  return sigma;
+}
+
+Eigen::Vector4d Estimator::intrinsics_error() const {
+  return impl_->state ? impl_->state->intrinsics_error() : Eigen::Vector4d::Zero();
 }
 
 }  // namespace covey

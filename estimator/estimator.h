@@ -54,6 +54,20 @@ struct PeerReport {
 // A monotonic clock lent by the caller, so that the estimator itself never reads one. May be null.
 using StageClock = double (*)();  // ms
 
+// Standard deviations of what is calibrated in flight; zero where it is not.
+struct CalibrationSigma {
+  Eigen::Vector3d p_imu_cam = Eigen::Vector3d::Zero();      // m
+  Eigen::Vector3d theta_imu_cam = Eigen::Vector3d::Zero();  // rad
+  double time_offset_s = 0;
+  Eigen::Vector4d intrinsics = Eigen::Vector4d::Zero();  // [dfx/fx dfy/fy dcx/fx dcy/fy]
+};
+
+// The camera at an image: what its clone and the extrinsics say together.
+struct CameraEstimate {
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
+  Matrix6d covariance = Matrix6d::Identity();  // of [dp dtheta], both in world: R = Exp(dtheta) R^
+};
+
 class Estimator {
  public:
   explicit Estimator(const EstimatorConfig& config, StageClock clock = nullptr);
@@ -80,11 +94,17 @@ class Estimator {
   PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;
+  // Of the newest image, as calibrated so far. Only after add_camera() has propagated.
+  [[nodiscard]] CameraEstimate camera() const;
   // What the filter knows of the tracks of the newest image: SLAM features and, out of the window's
   // views, tracks that are none (MSCKF features to be, and opportunistic ones).
   [[nodiscard]] std::vector<TrackDepth> depths();
   [[nodiscard]] std::vector<std::uint64_t> slam_tracks() const;  // tracks that are SLAM features
   [[nodiscard]] CameraExtrinsics extrinsics() const;             // as calibrated so far
+  // [dfx/fx dfy/fy dcx/fx dcy/fy], what is to be added to the intrinsics with which bearings are
+  // computed.
+  [[nodiscard]] Eigen::Vector4d intrinsics_error() const;
+  [[nodiscard]] CalibrationSigma calibration_sigma() const;
   // For exchanges that send whole filters. Empty before initialisation.
   [[nodiscard]] FilterSnapshot snapshot() const;
 

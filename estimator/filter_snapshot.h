@@ -25,7 +25,7 @@ struct FilterSnapshot {
   std::vector<std::uint64_t> landmark_tracks;  // N, TrackObservation::track_id
   std::vector<std::uint8_t> landmark_anchors;  // N, which clone
   // Of the error state, in its order (state.h), symmetric: 15 + c + 6 M + 3 N rows, where c = 0, 1,
-  // 6 or 7 is how much of the calibration is estimated.
+  // 6 or 7 is how much of the calibration above is estimated. The camera's intrinsics stay at home.
   Eigen::MatrixXd covariance;
 };
 

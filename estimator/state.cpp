@@ -29,6 +29,10 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
     time_offset_offset_ = kImuSize + calibration_size_;
     calibration_size_ += 1;
   }
+  if (config.calibrate_intrinsics) {
+    intrinsics_offset_ = kImuSize + calibration_size_;
+    calibration_size_ += 4;
+  }
   const int capacity = kImuSize + calibration_size_ + 6 * (config.max_clones + kSpareClones) +
                        3 * config.max_slam_features;
   P_.setZero(capacity, capacity);
@@ -44,6 +48,11 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
   if (time_offset_offset_ >= 0) {
     P_(time_offset_offset_, time_offset_offset_) = variance(config.time_offset_sigma_s);
   }
+  if (intrinsics_offset_ >= 0) {
+    auto variances = P_.diagonal().segment<4>(intrinsics_offset_);
+    variances.head<2>().setConstant(variance(config.focal_length_sigma));
+    variances.tail<2>().setConstant(variance(config.principal_point_sigma));
+  }
   clones_.reserve(static_cast<std::size_t>(config.max_clones) + kSpareClones);
   landmarks_.reserve(static_cast<std::size_t>(config.max_slam_features));
 }
@@ -52,11 +61,12 @@ State::State(const EstimatorConfig& config, const CoreState& core)
     : State(config, core.imu, core.covariance.topLeftCorner<kImuSize, kImuSize>()) {
   assert(core.covariance.rows() == dimension_);
   extrinsics_ = core.extrinsics;
+  intrinsics_error_ = core.intrinsics_error;
   P_.topLeftCorner(dimension_, dimension_) = core.covariance;
 }
 
 CoreState State::core() const {
-  return {imu_, extrinsics_, P_.topLeftCorner(clones_offset(), clones_offset())};
+  return {imu_, extrinsics_, intrinsics_error_, P_.topLeftCorner(clones_offset(), clones_offset())};
 }
 
 int State::find_clone(std::uint64_t id) const {
@@ -176,6 +186,10 @@ Eigen::VectorXd State::window_minus(const State& other) const {
   if (time_offset_offset_ >= 0) {
     difference(row++) = extrinsics_.time_offset_s - other.extrinsics_.time_offset_s;
   }
+  if (intrinsics_offset_ >= 0) {
+    difference.segment<4>(row) = intrinsics_error_ - other.intrinsics_error_;
+    row += 4;
+  }
   for (std::size_t i = 0; i < clones_.size(); ++i, row += 6) {
     const Pose& from = other.clones_[i].pose;
     difference.segment<3>(row) = clones_[i].pose.p_world_imu - from.p_world_imu;
@@ -217,6 +231,7 @@ void State::apply(const Eigen::VectorXd& dx) {
     rotate_locally(extrinsics_.q_imu_cam, dx.segment<3>(extrinsics_offset_ + 3));
   }
   if (time_offset_offset_ >= 0) extrinsics_.time_offset_s += dx(time_offset_offset_);
+  if (intrinsics_offset_ >= 0) intrinsics_error_ += dx.segment<4>(intrinsics_offset_);
   for (std::size_t i = 0; i < clones_.size(); ++i) {
     const int offset = clone_offset(static_cast<int>(i));
     clones_[i].pose.p_world_imu += dx.segment<3>(offset);

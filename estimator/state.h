@@ -4,7 +4,8 @@
 //
 // Error state, in this order:
 //   IMU          [dp dv dtheta dbg dba]                     15   (paper eq. 3)
-//   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    0, 6, 1 or 7
+//   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    6, 1 and 4 as far as it is estimated
+//                [dfx/fx dfy/fy dcx/fx dcy/fy]
 //   clones       [dp dtheta] each, IMU pose at an image     6 M  (paper eq. 4)
 //   landmarks    [dalpha dbeta drho] each, anchored         3 N  (paper eq. 5)
 // Rotation errors are local: q = q_hat * Exp(dtheta). Clones are IMU poses, not camera poses as in
@@ -37,6 +38,7 @@ struct ImuState {
 struct CoreState {
   ImuState imu;
   CameraExtrinsics extrinsics;
+  Eigen::Vector4d intrinsics_error;
   Eigen::MatrixXd covariance;  // of IMU and calibration, as in State
 };
 
@@ -68,6 +70,8 @@ class State {
 
   [[nodiscard]] const ImuState& imu() const { return imu_; }
   [[nodiscard]] const CameraExtrinsics& extrinsics() const { return extrinsics_; }
+  // [dfx/fx dfy/fy dcx/fx dcy/fy], true minus what bearings were computed with.
+  [[nodiscard]] const Eigen::Vector4d& intrinsics_error() const { return intrinsics_error_; }
   [[nodiscard]] const std::vector<Clone>& clones() const { return clones_; }
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
@@ -77,6 +81,7 @@ class State {
   // Where things stand in the error state; -1 when not estimated.
   [[nodiscard]] int extrinsics_offset() const { return extrinsics_offset_; }
   [[nodiscard]] int time_offset_offset() const { return time_offset_offset_; }
+  [[nodiscard]] int intrinsics_offset() const { return intrinsics_offset_; }
   [[nodiscard]] int calibration_size() const { return calibration_size_; }
   [[nodiscard]] int clones_offset() const { return kImuSize + calibration_size_; }
   [[nodiscard]] int clone_offset(int index) const { return clones_offset() + 6 * index; }
@@ -124,9 +129,11 @@ class State {
 
   ImuState imu_, imu_first_;
   CameraExtrinsics extrinsics_;
+  Eigen::Vector4d intrinsics_error_ = Eigen::Vector4d::Zero();
   std::vector<Clone> clones_;
   std::vector<SlamLandmark> landmarks_;
-  int extrinsics_offset_ = -1, time_offset_offset_ = -1, calibration_size_ = 0;
+  int extrinsics_offset_ = -1, time_offset_offset_ = -1, intrinsics_offset_ = -1;
+  int calibration_size_ = 0;
   int dimension_ = 0;
   Eigen::MatrixXd P_;  // capacity x capacity; the top left dimension_ x dimension_ is in use
 };

@@ -16,6 +16,7 @@ struct CloneObservation {
   std::uint64_t clone_id = 0;
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
   Eigen::Matrix2d whitening = 1e3 * Eigen::Matrix2d::Identity();  // see whitening()
+  Matrix24d by_intrinsics = Matrix24d::Zero();                    // TrackObservation
 };
 
 struct Track {

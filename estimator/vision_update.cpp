@@ -50,10 +50,25 @@ int choose_anchor(const State& state, const Track& track) {
   return -1;
 }
 
+// With the intrinsics as calibrated so far.
+Eigen::Vector2d true_bearing(const State& state, const CloneObservation& observation) {
+  return observation.bearing - observation.by_intrinsics * state.intrinsics_error();
+}
+
+// By what wrong intrinsics do to the bearing where the point is expected, not where it was seen: in
+// both the residual and its Jacobian, noise looks like a longer focal length. What a lens adds to
+// how that changes over so little is left out.
+template <typename Observation>
+Matrix24d by_intrinsics_at(const Eigen::Vector2d& expected, const Observation& observation) {
+  Matrix24d J = observation.by_intrinsics;
+  J.leftCols<2>().diagonal() += expected - observation.bearing;
+  return J;
+}
+
 // Rows of one SLAM feature seen in one clone: Jacobian over [calibration | anchor | clone |
 // feature].
 struct SlamRows {
-  Eigen::Matrix<double, 2, 22> H = Eigen::Matrix<double, 2, 22>::Zero();
+  Eigen::Matrix<double, 2, 25> H = Eigen::Matrix<double, 2, 25>::Zero();
   Eigen::Vector2d r = Eigen::Vector2d::Zero();
   Columns columns;
   int width = 0;
@@ -67,7 +82,7 @@ void append(SlamRows& rows, const Eigen::Ref<const Eigen::MatrixXd>& J, int offs
 }
 
 SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
-                   const Eigen::Vector2d& bearing, const Eigen::Matrix2d& W) {
+                   const TrackObservation& observation, const Eigen::Matrix2d& W) {
   SlamRows rows;
   const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(landmark_index)];
   const int anchor_index = state.find_clone(landmark.anchor_id);
@@ -82,10 +97,14 @@ SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
   const PointObservation first = observe_point(point.p_world, clone.first, extrinsics);
   if (!now.in_front || !first.in_front) return rows;
 
-  rows.r = W * (bearing - now.bearing);
+  const Matrix24d by_intrinsics = by_intrinsics_at(now.bearing, observation);
+  rows.r = W * (observation.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
   const Matrix23d J_point = W * first.J_point;
   if (state.extrinsics_offset() >= 0) {
     append(rows, W * first.J_extrinsics + J_point * point.J_extrinsics, state.extrinsics_offset());
+  }
+  if (state.intrinsics_offset() >= 0) {
+    append(rows, W * by_intrinsics, state.intrinsics_offset());
   }
   if (anchor_index != clone_index) {
     append(rows, J_point * point.J_anchor, state.clone_offset(anchor_index));
@@ -104,7 +123,8 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
       slam_update_(2 * config.max_slam_features, state_capacity),
       stacked_update_(state_capacity, state_capacity) {
   const Eigen::Index max_observations = config.max_clones + 2;
-  const Eigen::Index max_columns = 7 + 6 * max_observations + 1;
+  constexpr Eigen::Index kMostCalibration = 11;
+  const Eigen::Index max_columns = kMostCalibration + 6 * max_observations + 1;
   // The glimpse's row of the common depth needs no room: each of its tracks has two rows less.
   const Eigen::Index max_tracks =
       std::max(config.max_msckf_features + config.max_slam_features, max_glimpse_tracks(config));
@@ -125,7 +145,7 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
   for (const TrackObservation& observation : observations) {
     const int landmark = state.find_landmark(observation.track_id);
     if (landmark < 0) continue;
-    const SlamRows rows = slam_rows(state, landmark, clone_index, observation.bearing,
+    const SlamRows rows = slam_rows(state, landmark, clone_index, observation,
                                     whitening(observation.covariance) / noise_scale);
     bool gated = true;
     if (rows.valid) {
@@ -155,7 +175,7 @@ bool VisionUpdate::linearize(const State& state, const Track& track, Linearized&
   views_.clear();
   for (const CloneObservation& o : track.observations) {
     const Clone& clone = state.clones()[static_cast<std::size_t>(state.find_clone(o.clone_id))];
-    views_.push_back({camera_pose(clone.pose, extrinsics), o.bearing,
+    views_.push_back({camera_pose(clone.pose, extrinsics), true_bearing(state, o),
                       o.whitening / config_.observation_noise_scale});
   }
   const auto point = triangulate(views_, {config_.min_depth, config_.max_depth});
@@ -202,7 +222,11 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
       H.middleCols(state.extrinsics_offset() - window, 6) +=
           W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     }
-    H.col(columns) = W * (o.bearing - now.bearing);
+    const Matrix24d by_intrinsics = by_intrinsics_at(now.bearing, o);
+    if (state.intrinsics_offset() >= 0) {
+      H.middleCols(state.intrinsics_offset() - window, 4) += W * by_intrinsics;
+    }
+    H.col(columns) = W * (o.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
     H_feature_.middleRows(row, 2) = J_point * first.J_inverse_depth;
     row += 2;
   }
@@ -215,7 +239,9 @@ bool VisionUpdate::linearize_glimpsed(const State& state, const Track& track, do
   const int anchor_index = choose_anchor(state, track);
   if (anchor_index < 0 || track.observations.size() < 2) return false;
   const Clone& anchor = state.clones()[static_cast<std::size_t>(anchor_index)];
-  if (point.in_anchor.isZero()) point.in_anchor << track.find(anchor.id)->bearing, 1 / depth;
+  if (point.in_anchor.isZero()) {
+    point.in_anchor << true_bearing(state, *track.find(anchor.id)), 1 / depth;
+  }
   const Eigen::Vector3d p_world =
       anchored_point(point.in_anchor, anchor.pose, state.extrinsics()).p_world;
   if (!fill_rows(state, track, p_world, result)) return false;

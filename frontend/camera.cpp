@@ -133,6 +133,25 @@ Eigen::Matrix2d bearing_covariance(const CameraIntrinsics& camera, const Eigen::
   return to_bearing * pixel_covariance * to_bearing.transpose();
 }
 
+// The pixel stays: J d(bearing) = -[(u - cx) dfx/fx + fx dcx/fx, ...], and the bearing is wrong by
+// minus that.
+Eigen::Matrix<double, 2, 4> bearing_by_intrinsics(const CameraIntrinsics& camera,
+                                                  const Eigen::Vector2d& bearing) {
+  Eigen::Matrix2d J;
+  const Eigen::Vector2d pixel = project(camera, bearing, &J);
+  Eigen::Matrix<double, 2, 4> of_pixel;
+  of_pixel << pixel.x() - camera.cx, 0, camera.fx, 0, 0, pixel.y() - camera.cy, 0, camera.fy;
+  return J.inverse() * of_pixel;
+}
+
+CameraIntrinsics corrected(CameraIntrinsics camera, const Eigen::Vector4d& error) {
+  camera.cx += camera.fx * error[2];
+  camera.cy += camera.fy * error[3];
+  camera.fx *= 1 + error[0];
+  camera.fy *= 1 + error[1];
+  return camera;
+}
+
 bool is_on_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing) {
   const double r = bearing.norm();
   return camera.model == DistortionModel::kEquidistant

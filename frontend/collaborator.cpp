@@ -152,6 +152,11 @@ Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& v
   matcher_.know_world(config.agent, Eigen::Isometry3d::Identity());
 }
 
+void Collaborator::set_intrinsics(const CameraIntrinsics& camera) {
+  camera_ = camera;
+  matcher_.set_intrinsics(camera);
+}
+
 void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
   matcher_.know_world(peer, T_own_peer);
   strangers_.erase(peer);

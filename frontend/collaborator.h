@@ -117,6 +117,9 @@ class Collaborator {
   Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
                const CameraIntrinsics& camera);
 
+  // As known by now: what is seen from here on is computed with them.
+  void set_intrinsics(const CameraIntrinsics& camera);
+
   // PTAM rule. Call once per image: it also tells the time by which answers are limited.
   [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam);
 

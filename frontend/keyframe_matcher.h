@@ -84,6 +84,8 @@ class KeyframeMatcher {
  public:
   KeyframeMatcher(const KeyframeMatcherConfig& config, const CameraIntrinsics& camera);
 
+  void set_intrinsics(const CameraIntrinsics& camera) { camera_ = camera; }  // as known by now
+
   // Of the newest own keyframes; those without an image are matched by descriptor alone.
   void keep_image(std::uint64_t keyframe_id, const ImagePyramid& image);
 

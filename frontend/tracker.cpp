@@ -285,6 +285,7 @@ struct Tracker::Impl {
     feature.pixel = track.place.pixel;
     feature.bearing = track.bearing;
     feature.covariance = bearing_covariance(camera, track.bearing, track.covariance);
+    feature.by_intrinsics = bearing_by_intrinsics(camera, track.bearing);
     feature.length = track.length;
     return feature;
   }
@@ -295,7 +296,8 @@ CameraMeasurement to_measurement(const TrackedFrame& frame) {
   measurement.stamp_ns = frame.stamp_ns;
   measurement.tracks.reserve(frame.features.size());
   for (const TrackedFeature& feature : frame.features) {
-    measurement.tracks.push_back({feature.track_id, feature.bearing, feature.covariance});
+    measurement.tracks.push_back(
+        {feature.track_id, feature.bearing, feature.covariance, feature.by_intrinsics});
   }
   return measurement;
 }

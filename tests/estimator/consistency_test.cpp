@@ -35,6 +35,7 @@ FilterRun run_seed(int seed, bool calibrate) {
   config.imu_noise = scenario.imu.noise;
   config.calibrate_extrinsics = calibrate;
   config.calibrate_time_offset = calibrate;
+  config.calibrate_intrinsics = calibrate;
   const FeatureSimulation simulation =
       simulate_features(scenario, static_cast<std::uint64_t>(seed));
   return run_filter(simulation.drones[0], config, static_cast<std::uint64_t>(seed));

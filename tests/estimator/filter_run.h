@@ -46,6 +46,27 @@ inline CameraExtrinsics disturbed_extrinsics(const CameraExtrinsics& truth,
   return extrinsics;
 }
 
+// By how much the intrinsics are wrong: [dfx/fx dfy/fy dcx/fx dcy/fy].
+inline Eigen::Vector4d intrinsics_error(const EstimatorConfig& config, std::uint64_t seed) {
+  Random random(seed, 0xf0ca1);
+  Eigen::Vector4d error = Eigen::Vector4d::Zero();
+  if (!config.calibrate_intrinsics) return error;
+  for (int i = 0; i < 4; ++i) {
+    error[i] =
+        (i < 2 ? config.focal_length_sigma : config.principal_point_sigma) * random.gaussian();
+  }
+  return error;
+}
+
+// The bearings that intrinsics which are wrong by so much make of the pixels.
+inline CameraMeasurement computed_with(const Eigen::Vector4d& error, CameraMeasurement image) {
+  for (TrackObservation& track : image.tracks) {
+    track.bearing += track.bearing.cwiseProduct(error.head<2>()) + error.tail<2>();
+    track.by_intrinsics << track.bearing.x(), 0, 1, 0, 0, track.bearing.y(), 0, 1;
+  }
+  return image;
+}
+
 inline ErrorSample compare(const Odometry& odometry, const DroneFeatures& drone) {
   ErrorSample sample;
   sample.time_s = seconds_between(drone.imu.front().stamp_ns, odometry.stamp_ns);
@@ -65,6 +86,7 @@ inline ErrorSample compare(const Odometry& odometry, const DroneFeatures& drone)
 inline FilterRun run_filter(const DroneFeatures& drone, EstimatorConfig config,
                             std::uint64_t seed) {
   config.extrinsics = disturbed_extrinsics(drone.extrinsics, config, seed);
+  const Eigen::Vector4d of_intrinsics = intrinsics_error(config, seed);
   Estimator estimator(config);
   estimator.initialize(disturbed_start(drone, drone.truth.front().bias, seed));
   FilterRun run;
@@ -76,7 +98,7 @@ inline FilterRun run_filter(const DroneFeatures& drone, EstimatorConfig config,
     while (next_imu < drone.imu.size() && drone.imu[next_imu].stamp_ns <= until_ns) {
       estimator.add_imu(drone.imu[next_imu++]);
     }
-    const UpdateReport report = estimator.add_camera(image);
+    const UpdateReport report = estimator.add_camera(computed_with(of_intrinsics, image));
     run.reinitialized += report.reinitialized ? 1 : 0;
     run.used += report.slam_used + report.msckf_used;
     run.gated += report.slam_gated + report.msckf_gated;

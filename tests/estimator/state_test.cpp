@@ -27,7 +27,7 @@ const Eigen::Vector3d kGravity(0, 0, -9.81);
 
 EstimatorConfig calibrating() {
   EstimatorConfig config;
-  config.calibrate_extrinsics = config.calibrate_time_offset = true;
+  config.calibrate_extrinsics = config.calibrate_time_offset = config.calibrate_intrinsics = true;
   config.extrinsics.q_imu_cam = exp_quaternion({0.1, -0.2, 0.05});
   config.extrinsics.p_imu_cam = {0.1, -0.05, 0.02};
   return config;
@@ -88,7 +88,8 @@ Eigen::MatrixXd some_covariance(Eigen::Index size) {
 State calibrating_state() {
   const EstimatorConfig config = calibrating();
   return State(config,
-               CoreState{flying(), config.extrinsics, some_covariance(State::kImuSize + 7)});
+               CoreState{flying(), config.extrinsics, Eigen::Vector4d(2e-3, -1e-3, 3e-3, 1e-3),
+                         some_covariance(State::kImuSize + 11)});
 }
 
 // What the IMU alone makes of a state without clones is what the filter's own step makes of it.
@@ -145,14 +146,28 @@ Eigen::VectorXd seen_from_second(State state, const Eigen::VectorXd& dx) {
   return inverse_depth_of_point(p_world, state.clones()[1].pose, state.extrinsics()).inverse_depth;
 }
 
-Eigen::MatrixXd numeric_by_state(const State& state) {
-  return numeric_jacobian([&](const Eigen::VectorXd& dx) { return seen_from_second(state, dx); },
+template <typename Function>
+Eigen::MatrixXd numeric_by_state(const State& state, const Function& f) {
+  return numeric_jacobian([&](const Eigen::VectorXd& dx) { return f(state, dx); },
                           state.dimension());
+}
+
+// As a camera computes its bearing whose intrinsics are wrong: about where the landmark is.
+Matrix24d by_intrinsics() {
+  Matrix24d J;
+  J << 0.3, 0.02, 1.1, 0.05, -0.01, -0.2, 0.03, 1.2;
+  return J;
+}
+
+Eigen::VectorXd computed_in_second(State state, const Eigen::VectorXd& dx) {
+  const Eigen::Vector2d bearing = seen_from_second(state, dx).head<2>();
+  state.correct(dx, Eigen::MatrixXd::Zero(state.dimension(), 1));
+  return bearing + by_intrinsics() * state.intrinsics_error();
 }
 
 TEST(VisionUpdate, MovingTheAnchorCarriesErrorsAsDifferencesDo) {
   State state = with_landmark();
-  const Eigen::MatrixXd P = state.covariance(), J = numeric_by_state(state);
+  const Eigen::MatrixXd P = state.covariance(), J = numeric_by_state(state, seen_from_second);
   const Eigen::VectorXd expected =
       seen_from_second(state, Eigen::VectorXd::Zero(state.dimension()));
   UpdateReport report;
@@ -170,20 +185,29 @@ TEST(VisionUpdate, MovingTheAnchorCarriesErrorsAsDifferencesDo) {
 TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   State state = with_landmark();
   const Eigen::MatrixXd P = state.covariance();
-  const Eigen::MatrixXd H = numeric_by_state(state).topRows(2);
+  const Eigen::MatrixXd H = numeric_by_state(state, computed_in_second);
   const Eigen::Vector2d off(1e-3, -2e-3);
   const Eigen::Matrix2d noise = 1e-4 * Eigen::Matrix2d::Identity();
   const Eigen::Matrix2d S = H * P * H.transpose() + noise;
   const Eigen::MatrixXd K = P * H.transpose() * S.inverse();
   const Eigen::Vector3d p_before = state.imu().pose.p_world_imu;
+  const Eigen::Vector4d intrinsics_before = state.intrinsics_error();
   const Eigen::Vector2d expected =
-      seen_from_second(state, Eigen::VectorXd::Zero(state.dimension())).head<2>();
+      computed_in_second(state, Eigen::VectorXd::Zero(state.dimension()));
+  // About where it is seen.
+  Matrix24d by_intrinsics_seen = by_intrinsics();
+  by_intrinsics_seen.leftCols<2>().diagonal() +=
+      expected + off - seen_from_second(state, Eigen::VectorXd::Zero(state.dimension())).head<2>();
   UpdateReport report;
   VisionUpdate(calibrating(), state.capacity())
-      .update_slam(state, {{7, expected + off, noise}}, report);
+      .update_slam(state, {{7, expected + off, noise, by_intrinsics_seen}}, report);
   ASSERT_EQ(report.slam_used, 1);
   const Eigen::VectorXd dx = K * off;
   EXPECT_LT((state.imu().pose.p_world_imu - p_before - dx.head<3>()).norm(), 1e-6 * dx.norm());
+  EXPECT_LT(
+      (state.intrinsics_error() - intrinsics_before - dx.segment<4>(state.intrinsics_offset()))
+          .norm(),
+      1e-6 * dx.norm());
   EXPECT_LT((state.covariance() - (P - K * S * K.transpose())).norm(), 1e-6 * P.norm());
 }
 
