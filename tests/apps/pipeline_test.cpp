@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "apps/dataset.h"
 #include "apps/grey_image.h"
@@ -152,6 +153,11 @@ class Drone {
     const ImageEntry& image = dataset_.images.at(index);
     return fly(index, read_image(image, dataset_.camera.width, dataset_.camera.height));
   }
+  ImageResult fly_without_imu(std::size_t index) {
+    const ImageEntry& image = dataset_.images.at(index);
+    return pipeline_.add_image(image.stamp_ns,
+                               read_image(image, dataset_.camera.width, dataset_.camera.height));
+  }
   // As if the camera saw a wall.
   ImageResult fly_blind(std::size_t index) {
     return fly(index, cv::Mat(dataset_.camera.height, dataset_.camera.width, CV_8UC1, 100.0));
@@ -207,6 +213,50 @@ TEST(Pipeline, ABlindCameraLeavesNoMoreSamplesThanOneThatSees) {
     ASSERT_EQ(drone.fly_blind(i).content, ImageContent::kUniform);
     EXPECT_LE(drone.pipeline().imu_samples_kept(), kept + 1);
   }
+}
+
+// What a drone tells of its motion whose camera stamps its images too late, as its settings say.
+std::vector<Odometry> flown_with_late_stamps(TimeNs late_ns) {
+  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  AgentConfig config;
+  config.agent.mode = FlightMode::kSolo;
+  config.estimator = EstimatorConfig();  // which calibrates nothing
+  CameraExtrinsics extrinsics = dataset.extrinsics;
+  extrinsics.time_offset_s = -1e-9 * static_cast<double>(late_ns);
+  Pipeline pipeline(config, {dataset.camera, extrinsics, dataset.imu_noise}, dataset.ground_truth);
+  std::vector<Odometry> told;
+  std::size_t next_imu = 0;
+  for (std::size_t i = 0; i < 12; ++i) {
+    const ImageEntry& image = dataset.images.at(i);
+    const TimeNs stamp_ns = image.stamp_ns + late_ns;
+    add_imu_for(stamp_ns, dataset.imu, next_imu, pipeline);
+    const ImageResult result = pipeline.add_image(
+        stamp_ns, read_image(image, dataset.camera.width, dataset.camera.height));
+    if (result.odometry) told.push_back(*result.odometry);
+  }
+  return told;
+}
+
+TEST(Pipeline, WhereTheDroneWasIsToldByTheClockOfTheImu) {
+  const std::vector<Odometry> exact = flown_with_late_stamps(0);
+  const std::vector<Odometry> late = flown_with_late_stamps(8'000'000);
+  ASSERT_GT(exact.size(), 5U);
+  ASSERT_EQ(late.size(), exact.size());
+  for (std::size_t i = 0; i < exact.size(); ++i) {
+    EXPECT_EQ(late[i].stamp_ns, exact[i].stamp_ns);
+    EXPECT_EQ(late[i].pose.p_world_imu, exact[i].pose.p_world_imu);
+  }
+}
+
+// The state stays where the IMU has carried it, and the drone does not.
+TEST(Pipeline, OfImagesThatTheImuDoesNotReachNothingIsTold) {
+  Drone drone("uav0", FlightMode::kSolo);
+  for (std::size_t i = 0; i < 10; ++i) (void)drone.fly(i);
+  ASSERT_TRUE(drone.pipeline().started());
+  for (std::size_t i = 10; i < 40; ++i) {
+    EXPECT_FALSE(drone.fly_without_imu(i).odometry);
+  }
+  EXPECT_EQ(drone.pipeline().status().status, FilterStatus::kDegraded);
 }
 
 std::set<std::uint64_t> lasting_tracks(const TrackedFrame& frame) {

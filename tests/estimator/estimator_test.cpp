@@ -136,6 +136,63 @@ TEST(Estimator, AnImageThatShowsNothingLeavesTheWindowAsItIs) {
   EXPECT_LT(compare(estimator.odometry(), drone).position_m, 0.3);
 }
 
+// Extrinsics off by a degree and a centimetre, a clock by 8 ms, focal lengths by half a percent.
+TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
+  constexpr double kMostSigma = 4;
+  FeatureScenario scenario;
+  scenario.flight.scenario = Scenario::kCastleAround;
+  scenario.flight.agents = 1;
+  scenario.flight.duration_s = 14;
+  scenario.camera.time_offset_s = 0.008;
+  const FeatureSimulation simulation = simulate_features(scenario, 3);
+  const DroneFeatures& drone = simulation.drones.front();
+  EstimatorConfig config;
+  config.imu_noise = scenario.imu.noise;
+  config.calibrate_extrinsics = config.calibrate_time_offset = config.calibrate_intrinsics = true;
+  config.extrinsics = drone.extrinsics;
+  config.extrinsics.time_offset_s = 0;
+  config.extrinsics.p_imu_cam.x() += 0.01;
+  config.extrinsics.q_imu_cam = drone.extrinsics.q_imu_cam * exp_quaternion({0.01, -0.01, 0.01});
+  const Eigen::Vector4d wrong(0.005, 0.005, -0.002, 0.002);
+
+  Estimator estimator(config);
+  estimator.initialize(disturbed_start(drone, drone.truth.front().bias, 3));
+  for (const ImuSample& sample : drone.imu) estimator.add_imu(sample);
+  for (const CameraMeasurement& image : drone.camera) {
+    (void)estimator.add_camera(computed_with(wrong, image));
+  }
+
+  const CalibrationSigma sigma = estimator.calibration_sigma();
+  const CameraExtrinsics found = estimator.extrinsics();
+  const Eigen::Vector3d turn =
+      log_quaternion(found.q_imu_cam.conjugate() * drone.extrinsics.q_imu_cam);
+  EXPECT_LT(turn.norm(), 0.002);
+  EXPECT_LT(turn.cwiseQuotient(sigma.theta_imu_cam).cwiseAbs().maxCoeff(), kMostSigma);
+  EXPECT_NEAR(found.time_offset_s, 0.008, 0.0005);
+  EXPECT_NEAR(found.time_offset_s, 0.008, kMostSigma * sigma.time_offset_s);
+  const Eigen::Vector4d left = wrong - estimator.intrinsics_error();
+  // The principal point hardly shows in so short a flight.
+  EXPECT_LT(left.head<2>().cwiseAbs().maxCoeff(), 0.002);
+  EXPECT_LT(left.cwiseQuotient(sigma.intrinsics).cwiseAbs().maxCoeff(), kMostSigma);
+}
+
+// The camera's pose is that of its clone; what is not known of the extrinsics is not known of it.
+TEST(Estimator, TheCameraIsNoBetterKnownThanItsExtrinsics) {
+  auto [drone, estimator] = take_off(Scenario::kRoom, 2, true);
+  for (const CameraMeasurement& image : drone.camera) {
+    ASSERT_TRUE(estimator.add_camera(image).propagated);
+    const CameraEstimate camera = estimator.camera();
+    const Odometry odometry = estimator.odometry();
+    const Pose truth =
+        drone.trajectory.pose_at(seconds_between(drone.imu.front().stamp_ns, odometry.stamp_ns));
+    const Eigen::Vector3d p_true =
+        truth.p_world_imu + truth.q_world_imu * drone.extrinsics.p_imu_cam;
+    const Eigen::Vector3d error = p_true - camera.T_world_cam.translation();
+    const Eigen::Matrix3d P = camera.covariance.topLeftCorner<3, 3>();
+    ASSERT_LT(error.dot(P.llt().solve(error)), 30) << "of 3 degrees of freedom";
+  }
+}
+
 // For four seconds each image has tracks of its own: nothing contradicts the state, nothing can be
 // used. What is seen then is taken for a batch, as at the start.
 TEST(Estimator, AfterSecondsWithoutAFeatureItBeginsToSeeAnew) {
