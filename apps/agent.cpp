@@ -507,7 +507,9 @@ nlohmann::json calibration_json(const FoundCalibration& found) {
           {"q_imu_cam_xyzw", numbers(found.extrinsics.q_imu_cam.coeffs())},
           {"q_imu_cam_sigma_deg", numbers(kDegrees * found.sigma.theta_imu_cam)},
           {"intrinsics_px", {camera.fx, camera.fy, camera.cx, camera.cy}},
-          {"intrinsics_sigma_px", numbers(focal.cwiseProduct(found.sigma.intrinsics))}};
+          {"intrinsics_sigma_px", numbers(focal.cwiseProduct(found.sigma.intrinsics.head<4>()))},
+          {"distortion", found.camera.distortion},
+          {"k1_k2_sigma", numbers(found.sigma.intrinsics.tail<2>())}};
 }
 
 // In the own world, those that have been found.

@@ -240,11 +240,13 @@ void visit_calibration(EstimatorConfig& estimator, ConfigVisitor& v) {
   v.flag("calibrate_time_offset", estimator.calibrate_time_offset, "camera to IMU, while flying");
   v.number("time_offset_sigma_s", estimator.time_offset_sigma_s, {0, 1}, "[s]");
   v.flag("calibrate_intrinsics", estimator.calibrate_intrinsics,
-         "focal lengths and principal point, while flying");
+         "focal lengths, principal point, k1 and k2, while flying");
   v.number("focal_length_sigma", estimator.focal_length_sigma, {0, 1},
            "standard deviation of what the dataset says, over the focal length");
   v.number("principal_point_sigma", estimator.principal_point_sigma, {0, 1},
            "standard deviation of what the dataset says, over the focal length");
+  v.number("distortion_sigma", estimator.distortion_sigma, {0, 1},
+           "standard deviation of what the dataset says of k1 and of k2");
 }
 
 void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {

@@ -294,7 +294,7 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, TimingRecord&
 
 // What is kept and told of an image is right as far as the intrinsics are known by now.
 void Pipeline::calibrate(TrackedFrame& frame) {
-  const Eigen::Vector4d error = estimator_.intrinsics_error();
+  const IntrinsicsError error = estimator_.intrinsics_error();
   collaborator_->set_intrinsics(corrected(camera_, error));
   for (TrackedFeature& feature : frame.features) feature.bearing -= feature.by_intrinsics * error;
 }

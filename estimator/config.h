@@ -62,6 +62,7 @@ struct EstimatorConfig {
   bool calibrate_intrinsics = false;
   double focal_length_sigma = 0.002;     // over the focal length
   double principal_point_sigma = 0.002;  // over the focal length
+  double distortion_sigma = 0.002;       // of k1 and of k2
 
   // Standing still or hovering: no track moves and the inertial readings stay level over the
   // window. The sigmas are what a hover still moves; they hold for one image's pseudo-measurement.

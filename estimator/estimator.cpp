@@ -83,7 +83,7 @@ std::vector<int> without_intrinsics(const State& state) {
   std::vector<int> rest;
   for (int i = 0; i < state.dimension(); ++i) {
     const int within = i - state.intrinsics_offset();
-    if (state.intrinsics_offset() < 0 || within < 0 || within >= 4) rest.push_back(i);
+    if (state.intrinsics_offset() < 0 || within < 0 || within >= kIntrinsicsSize) rest.push_back(i);
   }
   return rest;
 }
@@ -666,12 +666,13 @@ CalibrationSigma Estimator::calibration_sigma() const {
     sigma.theta_imu_cam = sigmas.segment<3>(at + 3);
   }
   if (const int at = state.time_offset_offset(); at >= 0) sigma.time_offset_s = sigmas[at];
-  if (const int at = state.intrinsics_offset(); at >= 0) sigma.intrinsics = sigmas.segment<4>(at);
+  if (const int at = state.intrinsics_offset(); at >= 0)
+    sigma.intrinsics = sigmas.segment<kIntrinsicsSize>(at);
   return sigma;
 }
 
-Eigen::Vector4d Estimator::intrinsics_error() const {
-  return impl_->state ? impl_->state->intrinsics_error() : Eigen::Vector4d::Zero();
+IntrinsicsError Estimator::intrinsics_error() const {
+  return impl_->state ? impl_->state->intrinsics_error() : IntrinsicsError::Zero();
 }
 
 }  // namespace covey

@@ -59,7 +59,7 @@ struct CalibrationSigma {
   Eigen::Vector3d p_imu_cam = Eigen::Vector3d::Zero();      // m
   Eigen::Vector3d theta_imu_cam = Eigen::Vector3d::Zero();  // rad
   double time_offset_s = 0;
-  Eigen::Vector4d intrinsics = Eigen::Vector4d::Zero();  // [dfx/fx dfy/fy dcx/fx dcy/fy]
+  IntrinsicsError intrinsics = IntrinsicsError::Zero();
 };
 
 // The camera at an image: what its clone and the extrinsics say together.
@@ -101,9 +101,7 @@ class Estimator {
   [[nodiscard]] std::vector<TrackDepth> depths();
   [[nodiscard]] std::vector<std::uint64_t> slam_tracks() const;  // tracks that are SLAM features
   [[nodiscard]] CameraExtrinsics extrinsics() const;             // as calibrated so far
-  // [dfx/fx dfy/fy dcx/fx dcy/fy], what is to be added to the intrinsics with which bearings are
-  // computed.
-  [[nodiscard]] Eigen::Vector4d intrinsics_error() const;
+  [[nodiscard]] IntrinsicsError intrinsics_error() const;        // the same
   [[nodiscard]] CalibrationSigma calibration_sigma() const;
   // For exchanges that send whole filters. Empty before initialisation.
   [[nodiscard]] FilterSnapshot snapshot() const;

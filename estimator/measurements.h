@@ -30,7 +30,13 @@ using TimeNs = std::int64_t;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
-using Matrix24d = Eigen::Matrix<double, 2, 4>;
+
+// By how much a camera's intrinsics differ from what bearings are computed with:
+// [dfx/fx dfy/fy dcx/fx dcy/fy dk1 dk2], k1 and k2 as the lens model has them; and what that does
+// to a bearing.
+constexpr int kIntrinsicsSize = 6;
+using IntrinsicsError = Eigen::Matrix<double, kIntrinsicsSize, 1>;
+using BearingByIntrinsics = Eigen::Matrix<double, 2, kIntrinsicsSize>;
 
 struct ImuSample {
   TimeNs stamp_ns = 0;
@@ -43,9 +49,9 @@ struct TrackObservation {
   std::uint64_t track_id = 0;  // unique per drone, never used again after the track ended
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();                // (x/z, y/z) in cam
   Eigen::Matrix2d covariance = 1e-6 * Eigen::Matrix2d::Identity();  // of `bearing`
-  // How wrong it is by wrong intrinsics: by_intrinsics * [dfx/fx dfy/fy dcx/fx dcy/fy], true values
-  // minus those with which `bearing` was computed. Zero: they are right.
-  Matrix24d by_intrinsics = Matrix24d::Zero();
+  // How wrong it is by wrong intrinsics: by_intrinsics * IntrinsicsError, true values minus those
+  // with which `bearing` was computed. Zero: they are right.
+  BearingByIntrinsics by_intrinsics = BearingByIntrinsics::Zero();
 };
 
 // What is left of an image once the front-end is done with it.

@@ -85,6 +85,13 @@ InverseDepthOfPoint inverse_depth_of_point(const Eigen::Vector3d& p_world, const
 }
 
 // The inverse of Cholesky's factor.
+BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing) {
+  const double x = bearing.x(), y = bearing.y(), r2 = bearing.squaredNorm();
+  BearingByIntrinsics J;
+  J << x, 0, 1, 0, r2 * x, r2 * r2 * x, 0, y, 0, 1, r2 * y, r2 * r2 * y;
+  return J;
+}
+
 Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance) {
   const double l00 = std::sqrt(covariance(0, 0));
   const double l10 = covariance(1, 0) / l00;

@@ -51,6 +51,9 @@ struct InverseDepthOfPoint {
                                                          const Pose& pose,
                                                          const CameraExtrinsics& extrinsics);
 
+// What wrong intrinsics do to the bearings of a camera without distortion.
+[[nodiscard]] BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing);
+
 // W such that W n has covariance 1 for n of the given one, which must be positive definite.
 [[nodiscard]] Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance);
 

@@ -31,7 +31,7 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
   }
   if (config.calibrate_intrinsics) {
     intrinsics_offset_ = kImuSize + calibration_size_;
-    calibration_size_ += 4;
+    calibration_size_ += kIntrinsicsSize;
   }
   const int capacity = kImuSize + calibration_size_ + 6 * (config.max_clones + kSpareClones) +
                        3 * config.max_slam_features;
@@ -49,9 +49,10 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
     P_(time_offset_offset_, time_offset_offset_) = variance(config.time_offset_sigma_s);
   }
   if (intrinsics_offset_ >= 0) {
-    auto variances = P_.diagonal().segment<4>(intrinsics_offset_);
+    auto variances = P_.diagonal().segment<kIntrinsicsSize>(intrinsics_offset_);
     variances.head<2>().setConstant(variance(config.focal_length_sigma));
-    variances.tail<2>().setConstant(variance(config.principal_point_sigma));
+    variances.segment<2>(2).setConstant(variance(config.principal_point_sigma));
+    variances.tail<2>().setConstant(variance(config.distortion_sigma));
   }
   clones_.reserve(static_cast<std::size_t>(config.max_clones) + kSpareClones);
   landmarks_.reserve(static_cast<std::size_t>(config.max_slam_features));
@@ -187,8 +188,8 @@ Eigen::VectorXd State::window_minus(const State& other) const {
     difference(row++) = extrinsics_.time_offset_s - other.extrinsics_.time_offset_s;
   }
   if (intrinsics_offset_ >= 0) {
-    difference.segment<4>(row) = intrinsics_error_ - other.intrinsics_error_;
-    row += 4;
+    difference.segment<kIntrinsicsSize>(row) = intrinsics_error_ - other.intrinsics_error_;
+    row += kIntrinsicsSize;
   }
   for (std::size_t i = 0; i < clones_.size(); ++i, row += 6) {
     const Pose& from = other.clones_[i].pose;
@@ -231,7 +232,7 @@ void State::apply(const Eigen::VectorXd& dx) {
     rotate_locally(extrinsics_.q_imu_cam, dx.segment<3>(extrinsics_offset_ + 3));
   }
   if (time_offset_offset_ >= 0) extrinsics_.time_offset_s += dx(time_offset_offset_);
-  if (intrinsics_offset_ >= 0) intrinsics_error_ += dx.segment<4>(intrinsics_offset_);
+  if (intrinsics_offset_ >= 0) intrinsics_error_ += dx.segment<kIntrinsicsSize>(intrinsics_offset_);
   for (std::size_t i = 0; i < clones_.size(); ++i) {
     const int offset = clone_offset(static_cast<int>(i));
     clones_[i].pose.p_world_imu += dx.segment<3>(offset);

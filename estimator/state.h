@@ -4,8 +4,8 @@
 //
 // Error state, in this order:
 //   IMU          [dp dv dtheta dbg dba]                     15   (paper eq. 3)
-//   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    6, 1 and 4 as far as it is estimated
-//                [dfx/fx dfy/fy dcx/fx dcy/fy]
+//   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    6, 1 and 6 as far as it is estimated
+//                IntrinsicsError
 //   clones       [dp dtheta] each, IMU pose at an image     6 M  (paper eq. 4)
 //   landmarks    [dalpha dbeta drho] each, anchored         3 N  (paper eq. 5)
 // Rotation errors are local: q = q_hat * Exp(dtheta). Clones are IMU poses, not camera poses as in
@@ -38,7 +38,7 @@ struct ImuState {
 struct CoreState {
   ImuState imu;
   CameraExtrinsics extrinsics;
-  Eigen::Vector4d intrinsics_error;
+  IntrinsicsError intrinsics_error;
   Eigen::MatrixXd covariance;  // of IMU and calibration, as in State
 };
 
@@ -70,8 +70,7 @@ class State {
 
   [[nodiscard]] const ImuState& imu() const { return imu_; }
   [[nodiscard]] const CameraExtrinsics& extrinsics() const { return extrinsics_; }
-  // [dfx/fx dfy/fy dcx/fx dcy/fy], true minus what bearings were computed with.
-  [[nodiscard]] const Eigen::Vector4d& intrinsics_error() const { return intrinsics_error_; }
+  [[nodiscard]] const IntrinsicsError& intrinsics_error() const { return intrinsics_error_; }
   [[nodiscard]] const std::vector<Clone>& clones() const { return clones_; }
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
@@ -129,7 +128,7 @@ class State {
 
   ImuState imu_, imu_first_;
   CameraExtrinsics extrinsics_;
-  Eigen::Vector4d intrinsics_error_ = Eigen::Vector4d::Zero();
+  IntrinsicsError intrinsics_error_ = IntrinsicsError::Zero();
   std::vector<Clone> clones_;
   std::vector<SlamLandmark> landmarks_;
   int extrinsics_offset_ = -1, time_offset_offset_ = -1, intrinsics_offset_ = -1;

@@ -15,8 +15,8 @@ namespace covey {
 struct CloneObservation {
   std::uint64_t clone_id = 0;
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d whitening = 1e3 * Eigen::Matrix2d::Identity();  // see whitening()
-  Matrix24d by_intrinsics = Matrix24d::Zero();                    // TrackObservation
+  Eigen::Matrix2d whitening = 1e3 * Eigen::Matrix2d::Identity();    // see whitening()
+  BearingByIntrinsics by_intrinsics = BearingByIntrinsics::Zero();  // TrackObservation
 };
 
 struct Track {

@@ -59,16 +59,16 @@ Eigen::Vector2d true_bearing(const State& state, const CloneObservation& observa
 // both the residual and its Jacobian, noise looks like a longer focal length. What a lens adds to
 // how that changes over so little is left out.
 template <typename Observation>
-Matrix24d by_intrinsics_at(const Eigen::Vector2d& expected, const Observation& observation) {
-  Matrix24d J = observation.by_intrinsics;
-  J.leftCols<2>().diagonal() += expected - observation.bearing;
-  return J;
+BearingByIntrinsics by_intrinsics_at(const Eigen::Vector2d& expected,
+                                     const Observation& observation) {
+  return observation.by_intrinsics + pinhole_by_intrinsics(expected) -
+         pinhole_by_intrinsics(observation.bearing);
 }
 
 // Rows of one SLAM feature seen in one clone: Jacobian over [calibration | anchor | clone |
 // feature].
 struct SlamRows {
-  Eigen::Matrix<double, 2, 25> H = Eigen::Matrix<double, 2, 25>::Zero();
+  Eigen::Matrix<double, 2, 27> H = Eigen::Matrix<double, 2, 27>::Zero();
   Eigen::Vector2d r = Eigen::Vector2d::Zero();
   Columns columns;
   int width = 0;
@@ -97,7 +97,7 @@ SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
   const PointObservation first = observe_point(point.p_world, clone.first, extrinsics);
   if (!now.in_front || !first.in_front) return rows;
 
-  const Matrix24d by_intrinsics = by_intrinsics_at(now.bearing, observation);
+  const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, observation);
   rows.r = W * (observation.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
   const Matrix23d J_point = W * first.J_point;
   if (state.extrinsics_offset() >= 0) {
@@ -123,7 +123,7 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
       slam_update_(2 * config.max_slam_features, state_capacity),
       stacked_update_(state_capacity, state_capacity) {
   const Eigen::Index max_observations = config.max_clones + 2;
-  constexpr Eigen::Index kMostCalibration = 11;
+  constexpr Eigen::Index kMostCalibration = 7 + kIntrinsicsSize;
   const Eigen::Index max_columns = kMostCalibration + 6 * max_observations + 1;
   // The glimpse's row of the common depth needs no room: each of its tracks has two rows less.
   const Eigen::Index max_tracks =
@@ -222,9 +222,9 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
       H.middleCols(state.extrinsics_offset() - window, 6) +=
           W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     }
-    const Matrix24d by_intrinsics = by_intrinsics_at(now.bearing, o);
+    const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, o);
     if (state.intrinsics_offset() >= 0) {
-      H.middleCols(state.intrinsics_offset() - window, 4) += W * by_intrinsics;
+      H.middleCols(state.intrinsics_offset() - window, kIntrinsicsSize) += W * by_intrinsics;
     }
     H.col(columns) = W * (o.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
     H_feature_.middleRows(row, 2) = J_point * first.J_inverse_depth;

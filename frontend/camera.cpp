@@ -133,22 +133,32 @@ Eigen::Matrix2d bearing_covariance(const CameraIntrinsics& camera, const Eigen::
   return to_bearing * pixel_covariance * to_bearing.transpose();
 }
 
-// The pixel stays: J d(bearing) = -[(u - cx) dfx/fx + fx dcx/fx, ...], and the bearing is wrong by
-// minus that.
-Eigen::Matrix<double, 2, 4> bearing_by_intrinsics(const CameraIntrinsics& camera,
-                                                  const Eigen::Vector2d& bearing) {
+// The pixel stays: J d(bearing) = -[(u - cx) dfx/fx + fx dcx/fx + ..., ...], and the bearing is
+// wrong by minus that.
+BearingByIntrinsics bearing_by_intrinsics(const CameraIntrinsics& camera,
+                                          const Eigen::Vector2d& bearing) {
   Eigen::Matrix2d J;
   const Eigen::Vector2d pixel = project(camera, bearing, &J);
-  Eigen::Matrix<double, 2, 4> of_pixel;
-  of_pixel << pixel.x() - camera.cx, 0, camera.fx, 0, 0, pixel.y() - camera.cy, 0, camera.fy;
+  // Of the distorted point, by k1: the bearing's direction times r^3 or theta^3.
+  const double r = bearing.norm();
+  const bool equidistant = camera.model == DistortionModel::kEquidistant;
+  const double radius = equidistant ? std::atan(r) : r;
+  const double shrunk = r > 0 ? radius / r : 1;
+  const Eigen::Vector2d by_k1 =
+      radius * radius * shrunk * bearing.cwiseProduct(Eigen::Vector2d(camera.fx, camera.fy));
+  BearingByIntrinsics of_pixel;
+  of_pixel << pixel.x() - camera.cx, 0, camera.fx, 0, by_k1.x(), radius * radius * by_k1.x(),  //
+      0, pixel.y() - camera.cy, 0, camera.fy, by_k1.y(), radius * radius * by_k1.y();
   return J.inverse() * of_pixel;
 }
 
-CameraIntrinsics corrected(CameraIntrinsics camera, const Eigen::Vector4d& error) {
+CameraIntrinsics corrected(CameraIntrinsics camera, const IntrinsicsError& error) {
   camera.cx += camera.fx * error[2];
   camera.cy += camera.fy * error[3];
   camera.fx *= 1 + error[0];
   camera.fy *= 1 + error[1];
+  camera.distortion[0] += error[4];
+  camera.distortion[1] += error[5];
   return camera;
 }
 

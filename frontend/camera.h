@@ -9,6 +9,8 @@
 #include <array>
 #include <optional>
 
+#include "estimator/measurements.h"
+
 namespace covey {
 
 enum class DistortionModel { kRadialTangential, kEquidistant };
@@ -38,12 +40,11 @@ struct CameraIntrinsics {
                                                  const Eigen::Vector2d& bearing,
                                                  const Eigen::Matrix2d& pixel_covariance);
 
-// d(bearing)/d[fx fy cx cy] in units of the focal lengths: by how much a bearing is wrong that was
-// computed with intrinsics from which the true ones differ by [dfx/fx dfy/fy dcx/fx dcy/fy].
-[[nodiscard]] Eigen::Matrix<double, 2, 4> bearing_by_intrinsics(const CameraIntrinsics& camera,
-                                                                const Eigen::Vector2d& bearing);
+// By how much a bearing is wrong that was computed with these intrinsics, by what they lack.
+[[nodiscard]] BearingByIntrinsics bearing_by_intrinsics(const CameraIntrinsics& camera,
+                                                        const Eigen::Vector2d& bearing);
 // Intrinsics that were wrong by so much.
-[[nodiscard]] CameraIntrinsics corrected(CameraIntrinsics camera, const Eigen::Vector4d& error);
+[[nodiscard]] CameraIntrinsics corrected(CameraIntrinsics camera, const IntrinsicsError& error);
 
 // A distortion polynomial that turns back puts a bearing from far outside into the image as well:
 // false for those, whose pixel is another bearing's.

@@ -54,9 +54,9 @@ struct TrackedFeature {
   std::uint64_t track_id = 0;
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
   Eigen::Vector2d bearing = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  // of `bearing`
-  Matrix24d by_intrinsics = Matrix24d::Zero();           // TrackObservation
-  int length = 1;                                        // images it has been seen in
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();             // of `bearing`
+  BearingByIntrinsics by_intrinsics = BearingByIntrinsics::Zero();  // TrackObservation
+  int length = 1;                                                   // images it has been seen in
   BinaryDescriptor descriptor{};
   bool described = false;
 };

@@ -153,7 +153,8 @@ TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
   config.extrinsics.time_offset_s = 0;
   config.extrinsics.p_imu_cam.x() += 0.01;
   config.extrinsics.q_imu_cam = drone.extrinsics.q_imu_cam * exp_quaternion({0.01, -0.01, 0.01});
-  const Eigen::Vector4d wrong(0.005, 0.005, -0.002, 0.002);
+  IntrinsicsError wrong;
+  wrong << 0.005, 0.005, -0.002, 0.002, 0.003, -0.003;
 
   Estimator estimator(config);
   estimator.initialize(disturbed_start(drone, drone.truth.front().bias, 3));
@@ -170,7 +171,7 @@ TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
   EXPECT_LT(turn.cwiseQuotient(sigma.theta_imu_cam).cwiseAbs().maxCoeff(), kMostSigma);
   EXPECT_NEAR(found.time_offset_s, 0.008, 0.0005);
   EXPECT_NEAR(found.time_offset_s, 0.008, kMostSigma * sigma.time_offset_s);
-  const Eigen::Vector4d left = wrong - estimator.intrinsics_error();
+  const IntrinsicsError left = wrong - estimator.intrinsics_error();
   // The principal point hardly shows in so short a flight.
   EXPECT_LT(left.head<2>().cwiseAbs().maxCoeff(), 0.002);
   EXPECT_LT(left.cwiseQuotient(sigma.intrinsics).cwiseAbs().maxCoeff(), kMostSigma);

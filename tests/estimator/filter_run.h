@@ -11,6 +11,7 @@
 
 #include "apps/disturbed_start.h"
 #include "estimator/estimator.h"
+#include "estimator/observation_model.h"
 #include "estimator/so3.h"
 #include "sim/feature_simulation.h"
 #include "sim/random.h"
@@ -46,23 +47,21 @@ inline CameraExtrinsics disturbed_extrinsics(const CameraExtrinsics& truth,
   return extrinsics;
 }
 
-// By how much the intrinsics are wrong: [dfx/fx dfy/fy dcx/fx dcy/fy].
-inline Eigen::Vector4d intrinsics_error(const EstimatorConfig& config, std::uint64_t seed) {
+inline IntrinsicsError intrinsics_error(const EstimatorConfig& config, std::uint64_t seed) {
   Random random(seed, 0xf0ca1);
-  Eigen::Vector4d error = Eigen::Vector4d::Zero();
+  IntrinsicsError error = IntrinsicsError::Zero();
   if (!config.calibrate_intrinsics) return error;
-  for (int i = 0; i < 4; ++i) {
-    error[i] =
-        (i < 2 ? config.focal_length_sigma : config.principal_point_sigma) * random.gaussian();
-  }
-  return error;
+  const double focal = config.focal_length_sigma, centre = config.principal_point_sigma;
+  const double k = config.distortion_sigma;
+  for (double& x : error) x = random.gaussian();
+  return error.cwiseProduct((IntrinsicsError() << focal, focal, centre, centre, k, k).finished());
 }
 
 // The bearings that intrinsics which are wrong by so much make of the pixels.
-inline CameraMeasurement computed_with(const Eigen::Vector4d& error, CameraMeasurement image) {
+inline CameraMeasurement computed_with(const IntrinsicsError& error, CameraMeasurement image) {
   for (TrackObservation& track : image.tracks) {
-    track.bearing += track.bearing.cwiseProduct(error.head<2>()) + error.tail<2>();
-    track.by_intrinsics << track.bearing.x(), 0, 1, 0, 0, track.bearing.y(), 0, 1;
+    track.bearing += pinhole_by_intrinsics(track.bearing) * error;
+    track.by_intrinsics = pinhole_by_intrinsics(track.bearing);
   }
   return image;
 }
@@ -86,7 +85,7 @@ inline ErrorSample compare(const Odometry& odometry, const DroneFeatures& drone)
 inline FilterRun run_filter(const DroneFeatures& drone, EstimatorConfig config,
                             std::uint64_t seed) {
   config.extrinsics = disturbed_extrinsics(drone.extrinsics, config, seed);
-  const Eigen::Vector4d of_intrinsics = intrinsics_error(config, seed);
+  const IntrinsicsError of_intrinsics = intrinsics_error(config, seed);
   Estimator estimator(config);
   estimator.initialize(disturbed_start(drone, drone.truth.front().bias, seed));
   FilterRun run;

@@ -85,11 +85,16 @@ Eigen::MatrixXd some_covariance(Eigen::Index size) {
   return 1e-4 * (A * A.transpose() + Eigen::MatrixXd::Identity(size, size));
 }
 
+IntrinsicsError wrong_intrinsics() {
+  IntrinsicsError error;
+  error << 2e-3, -1e-3, 3e-3, 1e-3, -2e-3, 1e-3;
+  return error;
+}
+
 State calibrating_state() {
   const EstimatorConfig config = calibrating();
-  return State(config,
-               CoreState{flying(), config.extrinsics, Eigen::Vector4d(2e-3, -1e-3, 3e-3, 1e-3),
-                         some_covariance(State::kImuSize + 11)});
+  return State(config, CoreState{flying(), config.extrinsics, wrong_intrinsics(),
+                                 some_covariance(State::kImuSize + 7 + kIntrinsicsSize)});
 }
 
 // What the IMU alone makes of a state without clones is what the filter's own step makes of it.
@@ -153,9 +158,9 @@ Eigen::MatrixXd numeric_by_state(const State& state, const Function& f) {
 }
 
 // As a camera computes its bearing whose intrinsics are wrong: about where the landmark is.
-Matrix24d by_intrinsics() {
-  Matrix24d J;
-  J << 0.3, 0.02, 1.1, 0.05, -0.01, -0.2, 0.03, 1.2;
+BearingByIntrinsics by_intrinsics() {
+  BearingByIntrinsics J;
+  J << 0.3, 0.02, 1.1, 0.05, 0.2, 0.1, -0.01, -0.2, 0.03, 1.2, -0.1, -0.3;
   return J;
 }
 
@@ -191,23 +196,24 @@ TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   const Eigen::Matrix2d S = H * P * H.transpose() + noise;
   const Eigen::MatrixXd K = P * H.transpose() * S.inverse();
   const Eigen::Vector3d p_before = state.imu().pose.p_world_imu;
-  const Eigen::Vector4d intrinsics_before = state.intrinsics_error();
+  const IntrinsicsError intrinsics_before = state.intrinsics_error();
   const Eigen::Vector2d expected =
       computed_in_second(state, Eigen::VectorXd::Zero(state.dimension()));
   // About where it is seen.
-  Matrix24d by_intrinsics_seen = by_intrinsics();
-  by_intrinsics_seen.leftCols<2>().diagonal() +=
-      expected + off - seen_from_second(state, Eigen::VectorXd::Zero(state.dimension())).head<2>();
+  const Eigen::Vector2d predicted =
+      seen_from_second(state, Eigen::VectorXd::Zero(state.dimension())).head<2>();
+  const BearingByIntrinsics by_intrinsics_seen =
+      by_intrinsics() + pinhole_by_intrinsics(expected + off) - pinhole_by_intrinsics(predicted);
   UpdateReport report;
   VisionUpdate(calibrating(), state.capacity())
       .update_slam(state, {{7, expected + off, noise, by_intrinsics_seen}}, report);
   ASSERT_EQ(report.slam_used, 1);
   const Eigen::VectorXd dx = K * off;
   EXPECT_LT((state.imu().pose.p_world_imu - p_before - dx.head<3>()).norm(), 1e-6 * dx.norm());
-  EXPECT_LT(
-      (state.intrinsics_error() - intrinsics_before - dx.segment<4>(state.intrinsics_offset()))
-          .norm(),
-      1e-6 * dx.norm());
+  EXPECT_LT((state.intrinsics_error() - intrinsics_before -
+             dx.segment<kIntrinsicsSize>(state.intrinsics_offset()))
+                .norm(),
+            1e-6 * dx.norm());
   EXPECT_LT((state.covariance() - (P - K * S * K.transpose())).norm(), 1e-6 * P.norm());
 }
 

@@ -43,14 +43,14 @@ TEST_P(CameraModel, UnprojectUndoesProjectAllOverTheImage) {
 // A pixel stays where it is; its bearing is another one with other intrinsics.
 TEST_P(CameraModel, WhatIntrinsicsDoToABearingMatchesCentralDifferences) {
   const CameraIntrinsics camera = GetParam();
-  constexpr double kStep = 1e-5;
+  constexpr double kStep = 1e-6;
   for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(camera.cx, camera.cy),
                                        Eigen::Vector2d(30, 20), Eigen::Vector2d(700, 300)}) {
     const auto bearing = unproject(camera, pixel);
     ASSERT_TRUE(bearing);
     const auto J = bearing_by_intrinsics(camera, *bearing);
-    for (int i = 0; i < 4; ++i) {
-      const Eigen::Vector4d error = kStep * Eigen::Vector4d::Unit(i);
+    for (int i = 0; i < kIntrinsicsSize; ++i) {
+      const IntrinsicsError error = kStep * IntrinsicsError::Unit(i);
       const auto more = unproject(corrected(camera, error), pixel);
       const auto less = unproject(corrected(camera, -error), pixel);
       ASSERT_TRUE(more && less);
