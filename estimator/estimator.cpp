@@ -604,19 +604,22 @@ CameraEstimate Estimator::camera() const {
   const Pose& imu = state.clones().back().pose;
   const CameraPose camera = camera_pose(imu, extrinsics);
   const Eigen::Matrix3d R = imu.q_world_imu.toRotationMatrix();
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(6, state.dimension());
-  auto by_imu = J.middleCols<6>(state.clone_offset(static_cast<int>(state.clones().size()) - 1));
-  by_imu << Eigen::Matrix3d::Identity(), -R * skew(extrinsics.p_imu_cam), Eigen::Matrix3d::Zero(),
-      R;
-  if (state.extrinsics_offset() >= 0) {
-    auto by_extrinsics = J.middleCols<6>(state.extrinsics_offset());
-    by_extrinsics.topLeftCorner<3, 3>() = R;
-    by_extrinsics.bottomRightCorner<3, 3>() = camera.R_world_cam;
+  const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
+  Matrix6d by_imu, by_extrinsics;
+  by_imu << Eigen::Matrix3d::Identity(), -R * skew(extrinsics.p_imu_cam), zero, R;
+  by_extrinsics << R, zero, zero, camera.R_world_cam;
+
+  const auto P = state.covariance();
+  const int clone = state.clone_offset(static_cast<int>(state.clones().size()) - 1);
+  Matrix6d covariance = by_imu * P.block<6, 6>(clone, clone) * by_imu.transpose();
+  if (const int at = state.extrinsics_offset(); at >= 0) {
+    const Matrix6d cross = by_extrinsics * P.block<6, 6>(at, clone) * by_imu.transpose();
+    covariance += cross + cross.transpose() +
+                  by_extrinsics * P.block<6, 6>(at, at) * by_extrinsics.transpose();
   }
   CameraEstimate estimate;
   estimate.T_world_cam.linear() = camera.R_world_cam;
   estimate.T_world_cam.translation() = camera.p_world_cam;
-  const Matrix6d covariance = J * state.covariance() * J.transpose();
   estimate.covariance = (covariance + covariance.transpose()) / 2;
   return estimate;
 }

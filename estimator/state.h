@@ -38,7 +38,7 @@ struct ImuState {
 struct CoreState {
   ImuState imu;
   CameraExtrinsics extrinsics;
-  IntrinsicsError intrinsics_error;
+  IntrinsicsError intrinsics_error = IntrinsicsError::Zero();
   Eigen::MatrixXd covariance;  // of IMU and calibration, as in State
 };
 
