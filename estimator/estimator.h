@@ -94,7 +94,8 @@ class Estimator {
   PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;
-  // Of the newest image, as calibrated so far. Only after add_camera() has propagated.
+  // Of the newest image, as calibrated so far. Only after an add_camera() that has propagated to it
+  // and not begun anew.
   [[nodiscard]] CameraEstimate camera() const;
   // What the filter knows of the tracks of the newest image: SLAM features and, out of the window's
   // views, tracks that are none (MSCKF features to be, and opportunistic ones).
