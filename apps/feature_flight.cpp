@@ -41,13 +41,13 @@ FlownImage FeatureFlight::next() {
   flown.alone = estimator_.odometry();
   flown.alone.stamp_ns = image.stamp_ns;
 
-  const CameraExtrinsics extrinsics = estimator_.extrinsics();
-  const Eigen::Isometry3d T_world_cam = camera_in_world(flown.alone.pose, extrinsics);
+  const std::optional<CameraEstimate> camera = estimator_.camera();
   const bool first = last_.pose.keyframe_id == 0;
-  if (flown.alone.status == FilterStatus::kTracking &&
-      (first || is_keyframe(rule_, last_.pose, image.stamp_ns, T_world_cam, last_.mean_depth))) {
-    flown.keyframe = keyframe(image, {last_.pose.keyframe_id + 1, image.stamp_ns, T_world_cam,
-                                      camera_covariance(flown.alone, extrinsics)});
+  if (flown.alone.status == FilterStatus::kTracking && camera &&
+      (first ||
+       is_keyframe(rule_, last_.pose, image.stamp_ns, camera->T_world_cam, last_.mean_depth))) {
+    flown.keyframe = keyframe(image, {last_.pose.keyframe_id + 1, image.stamp_ns,
+                                      camera->T_world_cam, camera->covariance});
     flown.keyframe->T_world_cam_true = camera_in_world(flown.truth, drone_.extrinsics);
   }
   ++next_image_;

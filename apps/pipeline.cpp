@@ -258,7 +258,9 @@ Eigen::Matrix3d Pipeline::predicted_rotation(const Eigen::Quaterniond& q_scene_n
 
 std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, TimingRecord& timing) {
   if (status_.status != FilterStatus::kTracking) return std::nullopt;
-  const auto [T_world_cam, covariance] = estimator_.camera();
+  const std::optional<CameraEstimate> camera = estimator_.camera();
+  if (!camera) return std::nullopt;
+  const auto& [T_world_cam, covariance] = *camera;
   const ExchangeMode exchange = config_.collaboration.exchange;
   const bool wanted = collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam);
   if (!wanted && exchange == ExchangeMode::kCompact) return std::nullopt;

@@ -598,7 +598,8 @@ Odometry Estimator::odometry() const {
   return odometry;
 }
 
-CameraEstimate Estimator::camera() const {
+std::optional<CameraEstimate> Estimator::camera() const {
+  if (!impl_->state || impl_->state->clones().empty()) return std::nullopt;
   const State& state = impl_->told();
   const CameraExtrinsics& extrinsics = state.extrinsics();
   const Pose& imu = state.clones().back().pose;

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "estimator/config.h"
@@ -94,9 +95,9 @@ class Estimator {
   PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;
-  // Of the newest image, as calibrated so far. Only after an add_camera() that has propagated to it
-  // and not begun anew.
-  [[nodiscard]] CameraEstimate camera() const;
+  // At the newest image that was propagated to, as calibrated so far. Nothing before the first one,
+  // and after the filter has begun anew.
+  [[nodiscard]] std::optional<CameraEstimate> camera() const;
   // What the filter knows of the tracks of the newest image: SLAM features and, out of the window's
   // views, tracks that are none (MSCKF features to be, and opportunistic ones).
   [[nodiscard]] std::vector<TrackDepth> depths();

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -180,16 +181,18 @@ TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
 // The camera's pose is that of its clone; what is not known of the extrinsics is not known of it.
 TEST(Estimator, TheCameraIsNoBetterKnownThanItsExtrinsics) {
   auto [drone, estimator] = take_off(Scenario::kRoom, 2, true);
+  EXPECT_FALSE(estimator.camera()) << "before the first image";
   for (const CameraMeasurement& image : drone.camera) {
     ASSERT_TRUE(estimator.add_camera(image).propagated);
-    const CameraEstimate camera = estimator.camera();
+    const std::optional<CameraEstimate> camera = estimator.camera();
+    ASSERT_TRUE(camera);
     const Odometry odometry = estimator.odometry();
     const Pose truth =
         drone.trajectory.pose_at(seconds_between(drone.imu.front().stamp_ns, odometry.stamp_ns));
     const Eigen::Vector3d p_true =
         truth.p_world_imu + truth.q_world_imu * drone.extrinsics.p_imu_cam;
-    const Eigen::Vector3d error = p_true - camera.T_world_cam.translation();
-    const Eigen::Matrix3d P = camera.covariance.topLeftCorner<3, 3>();
+    const Eigen::Vector3d error = p_true - camera->T_world_cam.translation();
+    const Eigen::Matrix3d P = camera->covariance.topLeftCorner<3, 3>();
     ASSERT_LT(error.dot(P.llt().solve(error)), 30) << "of 3 degrees of freedom";
   }
 }
@@ -242,6 +245,7 @@ CorruptedFlight fly_corrupted(Scenario scene, std::uint64_t seed, bool calibrate
     const UpdateReport report = estimator.add_camera(image);
     if (report.reinitialized) {
       ++flight.restarts;
+      EXPECT_FALSE(estimator.camera()) << "nothing has been seen since";
       const Trajectory& truth = drone.trajectory;
       flight.turned =
           truth.pose_at(kFrom_s).q_world_imu.angularDistance(truth.pose_at(time_s).q_world_imu);

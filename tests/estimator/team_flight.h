@@ -8,6 +8,7 @@
 #include <cmath>
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -82,17 +83,15 @@ class TeamMember {
 
   void store_keyframe(std::size_t image) {
     constexpr std::size_t kKept = 30;
-    const CameraMeasurement& camera = drone_.camera[image];
-    const Odometry odometry = estimator_.odometry();
-    const CameraExtrinsics extrinsics = estimator_.extrinsics();
+    const CameraMeasurement& measurement = drone_.camera[image];
+    const std::optional<CameraEstimate> camera = estimator_.camera();
+    if (!camera) return;
     StoredKeyframe keyframe;
-    keyframe.pose.keyframe_id = next_keyframe_id_++;
-    keyframe.pose.stamp_ns = camera.stamp_ns;
-    keyframe.pose.T_world_cam = camera_in_world(odometry.pose, extrinsics);
-    keyframe.pose.covariance = camera_covariance(odometry, extrinsics);
+    keyframe.pose = {next_keyframe_id_++, measurement.stamp_ns, camera->T_world_cam,
+                     camera->covariance};
     std::map<std::uint64_t, TrackDepth> depths;
     for (const TrackDepth& depth : estimator_.depths()) depths[depth.track_id] = depth;
-    for (const TrackObservation& seen : camera.tracks) {
+    for (const TrackObservation& seen : measurement.tracks) {
       StoredKeyframe::Landmark landmark{seen.track_id, seen.bearing, 0, 0};
       if (const auto known = depths.find(seen.track_id); known != depths.end()) {
         landmark.inverse_depth = known->second.inverse_depth;
