@@ -544,6 +544,7 @@ void Agent::finish(const std::optional<std::string>& incomplete) {
   nlohmann::json json = to_json(told);
   if (link_) json["exchange_details"] = exchange_details();
   json["camera"] = calibration_json(pipeline_.found_calibration());
+  json["camera"]["at_start"] = calibration_json(pipeline_.calibration_at_start());
   json["own_world"] = level_frame_json(pipeline_.own_world());
   if (pipeline_.team_knowledge() != nullptr) {
     json["peer_worlds"] = peer_worlds(*pipeline_.team_knowledge());

@@ -26,6 +26,21 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   return estimator;
 }
 
+CalibrationSigma sigma_at_start(const EstimatorConfig& config) {
+  CalibrationSigma sigma;
+  if (config.calibrate_extrinsics) {
+    sigma.p_imu_cam.setConstant(config.extrinsics_sigma_m);
+    sigma.theta_imu_cam.setConstant(config.extrinsics_sigma_rad);
+  }
+  if (config.calibrate_time_offset) sigma.time_offset_s = config.time_offset_sigma_s;
+  if (config.calibrate_intrinsics) {
+    sigma.intrinsics.head<2>().setConstant(config.focal_length_sigma);
+    sigma.intrinsics.segment<2>(2).setConstant(config.principal_point_sigma);
+    sigma.intrinsics.tail<2>().setConstant(config.distortion_sigma);
+  }
+  return sigma;
+}
+
 TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& sensors) {
   TrackerConfig tracker = config.tracker;
   if (sensors.thermal) tracker.aligned_scale = config.thermal.aligned_scale;
@@ -86,7 +101,8 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
       lag_estimator_(config.thermal.pixel_lag),
       tracker_(tracker_config(config, sensors), sensors.camera),
-      estimator_(estimator_config(config, sensors), thread_cpu_ms) {
+      estimator_(estimator_config(config, sensors), thread_cpu_ms),
+      calibration_at_start_{camera_, estimator_.extrinsics(), sigma_at_start(config.estimator)} {
   status_.agent = config.agent.name;
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,

@@ -37,7 +37,7 @@ struct SensorSetup {
   bool thermal = false;  // the camera
 };
 
-// The camera as the flight has shown it by now, and how sure that is.
+// The camera as it is believed to be, and how sure that is: zero where nothing is calibrated.
 struct FoundCalibration {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
@@ -107,7 +107,11 @@ class Pipeline {
   [[nodiscard]] std::optional<double> pixel_lag_s() const {
     return pixel_lag_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
   }
+  // As the flight has shown it by now, and as the dataset and the settings had it.
   [[nodiscard]] FoundCalibration found_calibration() const;
+  [[nodiscard]] const FoundCalibration& calibration_at_start() const {
+    return calibration_at_start_;
+  }
   // Empty when flown alone.
   [[nodiscard]] std::optional<CollaboratorReport> collaboration() const;
   // Peers' landmarks since the start.
@@ -149,6 +153,7 @@ class Pipeline {
   LagEstimator lag_estimator_;
   Tracker tracker_;
   Estimator estimator_;
+  FoundCalibration calibration_at_start_;
   std::optional<Collaborator> collaborator_;
   std::optional<DriftFilter> drift_;                 // unless peers are fused in the estimator
   std::map<std::uint64_t, FilterSnapshot> filters_;  // at the keyframes, in the paper's exchange

@@ -161,6 +161,12 @@ std::string sections(const RunData& data) {
                                                    [&](const AgentRun& agent) {
                                                      return work_charts(data, agent);
                                                    })) +
+         section("What each camera turned out to be",
+                 "Found in flight minus what was believed at its start (sensor.yaml), \u00b1 one "
+                 "standard deviation. Rotation about the camera's axes; lever arm along the IMU's. "
+                 "Marked, and worth a new calibration: what is off by more than three of the "
+                 "standard deviations that the settings give it.",
+                 camera_table(data)) +
          section("Thermal calibration",
                  "Gain and offset take an image's grey levels to those of the first image of its "
                  "chain, which begins anew after a shutter event.",

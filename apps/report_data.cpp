@@ -5,6 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "apps/agent.h"
+
 namespace covey {
 namespace {
 
@@ -77,6 +79,7 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   agent.name = name;
   agent.summary = summary;
   const fs::path folder = run / name;
+  agent.camera = read.if_there(folder / kAgentSummaryFile, read_camera_changes);
   agent.estimate = read(folder / kTrajectoryFile, read_trajectory);
   agent.alone = read.if_there(run / kSoloFolder / name / kTrajectoryFile, read_trajectory);
   agent.truth = read.if_there(folder / kGroundTruthFile, read_trajectory);

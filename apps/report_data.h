@@ -19,6 +19,7 @@ namespace covey {
 struct AgentRun {
   std::string name;
   AgentSummary summary;
+  std::optional<CameraChanges> camera;  // empty in runs of earlier versions
   StampedPoses estimate;
   StampedPoses alone;  // flown without the others, RUN/solo
   StampedPoses truth;  // during this run only

@@ -20,6 +20,8 @@ using FromAgent = std::function<Value(const AgentRun&)>;
 
 constexpr char kNothing[] = "\u2013";
 constexpr double kSamePercent = 0.5;  // a change smaller than this is none
+// Times the sigma at the start: what is off by more the filter was not told to expect.
+constexpr double kFarOffSigmas = 3;
 
 std::string number(const Value& value, int decimals) {
   if (!value) return kNothing;
@@ -235,6 +237,62 @@ Column count_column(const std::string& title, Get get) {
           0};
 }
 
+// A column of what calibrating in flight has found, a line for each of its numbers.
+struct CameraColumn {
+  std::string title;  // HTML
+  CalibrationChange CameraChanges::*change;
+  double scale;  // to the unit of the title
+  int decimals;
+};
+
+constexpr double kMilli = 1e3;
+
+std::vector<CameraColumn> camera_columns() {
+  return {{"time offset<br>ms", &CameraChanges::time_offset_s, kMilli, 3},
+          {"rotation \u00b0<br>x, y, z", &CameraChanges::rotation_deg, 1, 3},
+          {"lever arm mm<br>x, y, z", &CameraChanges::p_imu_cam_m, kMilli, 2},
+          {"focal lengths px<br>x, y", &CameraChanges::focal_lengths_px, 1, 2},
+          {"principal point px<br>x, y", &CameraChanges::principal_point_px, 1, 2},
+          {"k1", &CameraChanges::k1, 1, 5},
+          {"k2", &CameraChanges::k2, 1, 5}};
+}
+
+// Null if the drone did not calibrate it.
+const CalibrationChange* calibrated(const AgentRun& agent, const CameraColumn& column) {
+  if (!agent.camera) return nullptr;
+  const CalibrationChange& change = (*agent.camera).*column.change;
+  return change.sigma.maxCoeff() > 0 ? &change : nullptr;
+}
+
+bool is_far_off(const CalibrationChange& change, Eigen::Index i) {
+  return std::abs(change.difference[i]) > kFarOffSigmas * change.sigma_at_start[i];
+}
+
+std::string change_line(const CameraColumn& column, const CalibrationChange& change,
+                        Eigen::Index i) {
+  const double difference = column.scale * change.difference[i];
+  const std::string line = (difference < 0 ? "" : "+") + number(difference, column.decimals) +
+                           " \u00b1 " + number(column.scale * change.sigma[i], column.decimals);
+  return is_far_off(change, i) ? "<span class=\"worse\">" + line + "</span>" : line;
+}
+
+std::string camera_row(const RunData& data, std::size_t index,
+                       const std::vector<CameraColumn>& columns) {
+  bool any_far_off = false;
+  std::string cells;
+  for (const CameraColumn& column : columns) {
+    const CalibrationChange* change = calibrated(data.agents[index], column);
+    std::string lines = change == nullptr ? kNothing : "";
+    for (Eigen::Index i = 0; change != nullptr && i < change->difference.size(); ++i) {
+      lines += (i > 0 ? "<br>" : "") + change_line(column, *change, i);
+      any_far_off = any_far_off || is_far_off(*change, i);
+    }
+    cells += cell(lines);
+  }
+  const char* mark = any_far_off ? "<span class=\"early\">worth a new calibration</span>" : "";
+  return "<tr>" + cell(drone_label(data, index) + mark) + cells + "</tr>";
+}
+
 }  // namespace
 
 std::string drone_label(const RunData& data, std::size_t index) {
@@ -325,6 +383,22 @@ std::string link_table(const RunData& data) {
        {"wire received<br>kB",
         of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_received); }), 1},
        count_column("link<br>restarted", restart_count)});
+}
+
+std::string camera_table(const RunData& data) {
+  std::vector<CameraColumn> columns = camera_columns();
+  const auto nobodys = [&](const CameraColumn& column) {
+    return std::none_of(data.agents.begin(), data.agents.end(), [&](const AgentRun& agent) {
+      return calibrated(agent, column) != nullptr;
+    });
+  };
+  columns.erase(std::remove_if(columns.begin(), columns.end(), nobodys), columns.end());
+  if (columns.empty()) return "";
+  std::vector<std::string> titles{"drone"};
+  for (const CameraColumn& column : columns) titles.push_back(column.title);
+  std::string html = head(titles);
+  for (std::size_t i = 0; i < data.agents.size(); ++i) html += camera_row(data, i, columns);
+  return html + "</tbody></table></div>\n";
 }
 
 std::string clock_table(const RunData& data) {

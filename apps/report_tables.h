@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The figures of the report, as HTML: the tiles at its top and a table for errors, work and link.
+// The figures of the report, as HTML: the tiles at its top and a table for errors, work, link and
+// cameras.
 #pragma once
 
 #include <string>
@@ -14,6 +15,8 @@ namespace covey {
 [[nodiscard]] std::string error_table(const RunData& data);
 [[nodiscard]] std::string work_table(const RunData& data);
 [[nodiscard]] std::string link_table(const RunData& data);
+// What calibrating in flight has found; only of what was calibrated.
+[[nodiscard]] std::string camera_table(const RunData& data);
 // Of each drone's peers; empty if no statuses went both ways.
 [[nodiscard]] std::string clock_table(const RunData& data);
 

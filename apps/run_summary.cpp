@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/run_summary.h"
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "apps/json_file.h"
+#include "estimator/so3.h"
 
 namespace covey {
 namespace {
@@ -229,6 +232,52 @@ AgentSummary agent_from(const Object& json) {
   return agent;
 }
 
+Eigen::VectorXd numbers_from(const Object& json, const std::string& key, Eigen::Index size) {
+  if (size == 1) return Eigen::VectorXd::Constant(1, json.get<double>(key));
+  const auto numbers = json.get<std::vector<double>>(key);
+  const auto found = static_cast<Eigen::Index>(numbers.size());
+  if (found != size) {
+    json.fail("the value of '" + key + "' has " + std::to_string(found) + " numbers, not " +
+              std::to_string(size));
+  }
+  return Eigen::Map<const Eigen::VectorXd>(numbers.data(), size);
+}
+
+Eigen::Quaterniond rotation_from(const Object& json, const std::string& key) {
+  const Eigen::Quaterniond q(Eigen::Vector4d(numbers_from(json, key, 4)));
+  if (std::abs(q.norm() - 1) > 1e-6) json.fail("the value of '" + key + "' is no unit quaternion");
+  return q;
+}
+
+CalibrationChange part(const CalibrationChange& whole, int first, int size) {
+  return {whole.difference.segment(first, size), whole.sigma.segment(first, size),
+          whole.sigma_at_start.segment(first, size)};
+}
+
+CameraChanges camera_changes_from(const Object& found) {
+  const Object at_start = found.child("at_start");
+  const auto difference = [&](const char* key, int size) -> Eigen::VectorXd {
+    return numbers_from(found, key, size) - numbers_from(at_start, key, size);
+  };
+  const auto change = [&](const Eigen::VectorXd& by, const char* sigma) -> CalibrationChange {
+    return {by, numbers_from(found, sigma, by.size()), numbers_from(at_start, sigma, by.size())};
+  };
+  const Eigen::Quaterniond turn = rotation_from(at_start, "q_imu_cam_xyzw").conjugate() *
+                                  rotation_from(found, "q_imu_cam_xyzw");
+  const CalibrationChange intrinsics =
+      change(difference("intrinsics_px", 4), "intrinsics_sigma_px");
+  const CalibrationChange k1_k2 = change(difference("distortion", 4).head<2>(), "k1_k2_sigma");
+  CameraChanges changes;
+  changes.time_offset_s = change(difference("time_offset_s", 1), "time_offset_sigma_s");
+  changes.rotation_deg = change(180 / M_PI * log_quaternion(turn), "q_imu_cam_sigma_deg");
+  changes.p_imu_cam_m = change(difference("p_imu_cam_m", 3), "p_imu_cam_sigma_m");
+  changes.focal_lengths_px = part(intrinsics, 0, 2);
+  changes.principal_point_px = part(intrinsics, 2, 2);
+  changes.k1 = part(k1_k2, 0, 1);
+  changes.k2 = part(k1_k2, 1, 1);
+  return changes;
+}
+
 AteSummary summarize(const AbsoluteError& error) {
   return {error.position_m.rmse, error.position_m.mean, error.position_m.std, std::nullopt};
 }
@@ -318,6 +367,15 @@ void write_run_summary(const std::filesystem::path& file, const RunSummary& run)
 
 RunSummary read_run_summary(const std::filesystem::path& file) {
   return run_summary_from_json(read_json_file(file), file.string());
+}
+
+std::optional<CameraChanges> read_camera_changes(const std::filesystem::path& agent_summary) {
+  const nlohmann::json json = read_json_file(agent_summary);
+  const Object summary(json, agent_summary.string() + ":");
+  if (!summary.has("camera")) return std::nullopt;
+  const Object camera = summary.child("camera");
+  if (!camera.has("at_start")) return std::nullopt;
+  return camera_changes_from(camera);
 }
 
 AccuracySummary summarize_accuracy(const StampedPoses& estimate, const StampedPoses& truth,

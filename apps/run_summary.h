@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // summary.json: the figures of one run, for people and scripts. Schema 1. A figure that does not
-// apply is null there and empty here.
+// apply is null there and empty here. And what a drone's own summary says of its camera.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -92,6 +93,20 @@ struct RunSummary {
   std::map<std::string, AgentSummary> agents;
 };
 
+// What was found in flight, minus what was believed at its start. The three are of one size; sigmas
+// are zero where nothing was calibrated.
+struct CalibrationChange {
+  Eigen::VectorXd difference, sigma, sigma_at_start;
+};
+
+struct CameraChanges {
+  CalibrationChange time_offset_s;                         // one number
+  CalibrationChange rotation_deg;                          // about the camera's x, y and z
+  CalibrationChange p_imu_cam_m;                           // x y z
+  CalibrationChange focal_lengths_px, principal_point_px;  // x y
+  CalibrationChange k1, k2;
+};
+
 [[nodiscard]] nlohmann::json to_json(const AgentSummary& agent);
 [[nodiscard]] nlohmann::json to_json(const RunSummary& run);
 // `where` names the source in errors: a missing key, or one of another type, is an error.
@@ -102,6 +117,9 @@ struct RunSummary {
 
 void write_run_summary(const std::filesystem::path& file, const RunSummary& run);
 [[nodiscard]] RunSummary read_run_summary(const std::filesystem::path& file);
+// From a drone's agent_summary.json; empty if it does not say what was believed at the start.
+[[nodiscard]] std::optional<CameraChanges> read_camera_changes(
+    const std::filesystem::path& agent_summary);
 
 // Every figure that follows from an estimate and its ground truth. Throws when they do not overlap.
 [[nodiscard]] AccuracySummary summarize_accuracy(const StampedPoses& estimate,

@@ -21,6 +21,7 @@ namespace covey {
 namespace {
 
 namespace fs = std::filesystem;
+using nlohmann::json;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -101,6 +102,10 @@ class Report : public testing::Test {
 
   [[nodiscard]] const fs::path& run() const { return folder_.path(); }
 
+  void write_camera(const std::string& drone, const json& camera) const {
+    folder_.write(drone + "/agent_summary.json", json{{"camera", camera}}.dump());
+  }
+
   [[nodiscard]] std::string drawn() const {
     std::ifstream stream(write_report(run()));
     return {std::istreambuf_iterator<char>(stream), {}};
@@ -161,6 +166,86 @@ TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
     std::ofstream(run() / "uav1" / kFieldFile) << ragged;
     EXPECT_THAT(drawn(), HasSubstr("thermal_field.csv:2"));
   }
+}
+
+// As a drone tells it that calibrated nothing.
+json camera_as_believed() {
+  const json believed = {{"time_offset_s", 0.001},
+                         {"time_offset_sigma_s", 0.0},
+                         {"p_imu_cam_m", {0.09, 0.02, -0.03}},
+                         {"p_imu_cam_sigma_m", {0.0, 0.0, 0.0}},
+                         {"q_imu_cam_xyzw", {0.5, -0.5, 0.5, -0.5}},
+                         {"q_imu_cam_sigma_deg", {0.0, 0.0, 0.0}},
+                         {"intrinsics_px", {455.0, 456.0, 375.5, 239.5}},
+                         {"intrinsics_sigma_px", {0.0, 0.0, 0.0, 0.0}},
+                         {"distortion", {-0.28, 0.07, 0.0, 0.0}},
+                         {"k1_k2_sigma", {0.0, 0.0}}};
+  json camera = believed;
+  camera["at_start"] = believed;
+  return camera;
+}
+
+json found_camera() {
+  json camera = camera_as_believed();
+  camera["time_offset_s"] = -0.0015;
+  camera["time_offset_sigma_s"] = 0.00004;
+  camera["intrinsics_px"] = {455.5, 452.75, 375.25, 239.75};
+  camera["intrinsics_sigma_px"] = {0.15, 0.14, 0.09, 0.1};
+  camera["at_start"]["time_offset_sigma_s"] = 0.005;
+  camera["at_start"]["intrinsics_sigma_px"] = {1.0, 1.0, 1.0, 1.0};
+  return camera;
+}
+
+TEST_F(Report, ShowsWhatEachCameraTurnedOutToBe) {
+  write_camera("uav1", found_camera());
+  const std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<h2>What each camera turned out to be</h2>"));
+  EXPECT_THAT(html, HasSubstr("uav0</td><td>\u2013</td><td>\u2013</td><td>\u2013</td></tr>"));
+  EXPECT_THAT(html, HasSubstr("<td>\u22122.500 \u00b1 0.040</td><td>+0.50 \u00b1 0.15<br>"));
+  EXPECT_THAT(html, HasSubstr("<td>\u22120.25 \u00b1 0.09<br>+0.25 \u00b1 0.10</td>"));
+  for (const char* column : {"rotation \u00b0", "lever arm mm", "<th>k1</th>", "<th>k2</th>"})
+    EXPECT_THAT(html, Not(HasSubstr(column))) << "not calibrated";
+}
+
+TEST_F(Report, MarksWhatIsFurtherOffThanTheSettingsLeadToExpect) {
+  json camera = found_camera();
+  write_camera("uav0", camera);
+  write_camera("uav1", camera);
+  std::string html = drawn();
+  EXPECT_EQ(count(html, "worth a new calibration</span>"), 2u) << "once for each drone";
+  EXPECT_THAT(html, HasSubstr("<br><span class=\"worse\">\u22123.25 \u00b1 0.14</span></td>"));
+  camera["intrinsics_px"][1] = 453.25;
+  write_camera("uav1", camera);
+  html = drawn();
+  EXPECT_EQ(count(html, "worth a new calibration</span>"), 1u);
+  EXPECT_THAT(html, HasSubstr("<br>\u22122.75 \u00b1 0.14</td>"));
+}
+
+TEST_F(Report, ShowsNoCamerasWhereNothingWasCalibrated) {
+  EXPECT_THAT(drawn(), Not(HasSubstr("What each camera"))) << "no summary of any drone";
+  folder_.write("uav0/agent_summary.json", "{}");
+  write_camera("uav1", camera_as_believed());
+  EXPECT_THAT(drawn(), AllOf(Not(HasSubstr("What each camera")), Not(HasSubstr("<li>uav"))));
+  json camera = found_camera();
+  camera.erase("at_start");
+  write_camera("uav1", camera);
+  EXPECT_THAT(drawn(), AllOf(Not(HasSubstr("What each camera")), Not(HasSubstr("<li>uav"))));
+}
+
+TEST_F(Report, NamesACameraThatIsNoneAndDrawsTheOthers) {
+  json camera = found_camera();
+  write_camera("uav0", camera);
+  camera["time_offset_s"] = "<i>late";
+  write_camera("uav1", camera);
+  std::string html = drawn();
+  EXPECT_THAT(html, HasSubstr("<li>uav1/agent_summary.json: camera the value of "
+                              "&#39;time_offset_s&#39; is of the wrong type</li>"));
+  EXPECT_THAT(html, HasSubstr("<td>\u22122.500 \u00b1 0.040</td>"));
+  EXPECT_THAT(html, HasSubstr("uav1</td><td>\u2013</td>"));
+  folder_.write("uav0/agent_summary.json", "{\"camera\": {\"time_offset_s\": nan}}");
+  html = drawn();
+  EXPECT_THAT(html, HasSubstr("<li>uav0/agent_summary.json: not valid JSON"));
+  EXPECT_THAT(html, Not(HasSubstr("What each camera")));
 }
 
 TEST_F(Report, IsSelfContained) {

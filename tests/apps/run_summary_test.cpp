@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -156,6 +157,81 @@ TEST(RunSummary, AFileThatIsNotJsonIsNamed) {
   const auto file = folder.write("summary.json", "{\"schema\": 1,");
   EXPECT_THAT([&] { (void)read_run_summary(file); },
               ThrowsMessage<std::runtime_error>(HasSubstr("summary.json: not valid JSON")));
+}
+
+// What a drone tells that was to find its camera as wrong as this.
+json agent_summary() {
+  json camera = {{"time_offset_s", 0.003},
+                 {"time_offset_sigma_s", 0.0001},
+                 {"p_imu_cam_m", {0.1, 0.2, 0.3}},
+                 {"p_imu_cam_sigma_m", {0.01, 0.02, 0.03}},
+                 {"q_imu_cam_xyzw", {0.0, 0.0, std::sin(0.001), std::cos(0.001)}},
+                 {"q_imu_cam_sigma_deg", {0.1, 0.2, 0.3}},
+                 {"intrinsics_px", {500.0, 510.0, 320.0, 240.0}},
+                 {"intrinsics_sigma_px", {1.0, 2.0, 3.0, 4.0}},
+                 {"distortion", {-0.3, 0.1, 0.01, 0.02}},
+                 {"k1_k2_sigma", {0.001, 0.002}}};
+  json at_start = camera;
+  at_start["time_offset_s"] = 0.001;
+  at_start["p_imu_cam_m"] = {0.1, 0.1, 0.4};
+  at_start["q_imu_cam_xyzw"] = {0, 0, 0, -1};  // the same rotation as 1
+  at_start["intrinsics_px"] = {501.0, 508.0, 323.0, 236.0};
+  at_start["distortion"] = {-0.31, 0.12, 0.0, 0.0};
+  at_start["intrinsics_sigma_px"] = {5.0, 6.0, 7.0, 8.0};
+  camera["at_start"] = at_start;
+  return {{"camera", camera}};
+}
+
+std::optional<CameraChanges> camera_changes_in(const json& agent_summary) {
+  const TemporaryFolder folder;
+  return read_camera_changes(folder.write("agent_summary.json", agent_summary.dump()));
+}
+
+TEST(CameraChanges, AreWhatWasFoundMinusWhatWasBelievedAtTheStart) {
+  const auto changes = camera_changes_in(agent_summary());
+  ASSERT_TRUE(changes.has_value());
+  EXPECT_NEAR(changes->time_offset_s.difference[0], 0.002, 1e-12);
+  EXPECT_EQ(changes->time_offset_s.sigma[0], 0.0001);
+  EXPECT_TRUE(
+      changes->rotation_deg.difference.isApprox(Eigen::Vector3d(0, 0, 0.002 * 180 / M_PI), 1e-9));
+  EXPECT_EQ(changes->rotation_deg.sigma, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_TRUE(changes->p_imu_cam_m.difference.isApprox(Eigen::Vector3d(0, 0.1, -0.1), 1e-9));
+  EXPECT_EQ(changes->focal_lengths_px.difference, Eigen::Vector2d(-1, 2));
+  EXPECT_EQ(changes->principal_point_px.difference, Eigen::Vector2d(-3, 4));
+  EXPECT_EQ(changes->principal_point_px.sigma, Eigen::Vector2d(3, 4));
+  EXPECT_EQ(changes->principal_point_px.sigma_at_start, Eigen::Vector2d(7, 8));
+  EXPECT_NEAR(changes->k1.difference[0], 0.01, 1e-12);
+  EXPECT_NEAR(changes->k2.difference[0], -0.02, 1e-12);
+  EXPECT_EQ(changes->k2.sigma[0], 0.002);
+}
+
+TEST(CameraChanges, AreNotKnownOfEarlierVersions) {
+  json summary = agent_summary();
+  summary["camera"].erase("at_start");
+  EXPECT_FALSE(camera_changes_in(summary).has_value());
+  summary.erase("camera");
+  EXPECT_FALSE(camera_changes_in(summary).has_value());
+}
+
+TEST(CameraChanges, WhatIsNoCameraIsNamed) {
+  const auto expect_refused_camera = [](const char* patch, const std::string& what) {
+    json summary = agent_summary();
+    summary.merge_patch(json::parse(patch));
+    EXPECT_THAT([&] { (void)camera_changes_in(summary); },
+                ThrowsMessage<std::runtime_error>(
+                    AllOf(HasSubstr("agent_summary.json: camera"), HasSubstr(what))));
+  };
+  expect_refused_camera(R"({"camera": 5})", "camera is not an object");
+  expect_refused_camera(R"({"camera": {"at_start": []}})", "camera.at_start is not an object");
+  expect_refused_camera(R"({"camera": {"k1_k2_sigma": null}})", "'k1_k2_sigma' is missing");
+  expect_refused_camera(R"({"camera": {"time_offset_s": "0.003"}})",
+                        "'time_offset_s' is of the wrong type");
+  expect_refused_camera(R"({"camera": {"at_start": {"p_imu_cam_m": [0.1, null, 0.3]}}})",
+                        "camera.at_start the value of 'p_imu_cam_m' is of the wrong type");
+  expect_refused_camera(R"({"camera": {"intrinsics_px": [500, 510, 320]}})",
+                        "'intrinsics_px' has 3 numbers, not 4");
+  expect_refused_camera(R"({"camera": {"q_imu_cam_xyzw": [0, 0, 0, 0]}})",
+                        "'q_imu_cam_xyzw' is no unit quaternion");
 }
 
 TEST(RunSummary, StagesThatNeverRanHaveNoMean) {
