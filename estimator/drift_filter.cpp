@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "estimator/chi_square.h"
+#include "estimator/drift_observation.h"
 #include "estimator/drift_step.h"
 #include "estimator/positive_definite.h"
 #include "estimator/so3.h"
@@ -34,19 +35,6 @@ constexpr double kUnsharedScale = 0.25;
 constexpr int kRows = kSize + 1;
 
 constexpr auto block(int node) { return kSize * node; }
-
-// Of the relative pose, turned by R, and the ratio; without a ratio its row stands for itself.
-Matrix7d noise_of(const RelativePose& measurement, const DepthRatio* ratio,
-                  const Eigen::Matrix3d& R) {
-  Matrix7d noise = Matrix7d::Identity();
-  noise.topLeftCorner<kSize, kSize>() = rotated(measurement.covariance, R);
-  if (ratio == nullptr) return noise;
-  noise.block<3, 1>(0, kSize) = R * ratio->covariance_with_pose.head<3>();
-  noise.block<3, 1>(3, kSize) = R * ratio->covariance_with_pose.tail<3>();
-  noise.bottomLeftCorner<1, kSize>() = noise.topRightCorner<kSize, 1>().transpose();
-  noise(kSize, kSize) = ratio->variance;
-  return noise;
-}
 
 bool makes_sense(const KeyframePose& keyframe) {
   return keyframe.T_world_cam.matrix().allFinite() && is_positive_definite<6>(keyframe.covariance);
@@ -372,7 +360,8 @@ const DepthRatio* DriftFilter::usable_ratio(const RelativePose& measurement) con
 
 DriftFilter::Side DriftFilter::side_of(int at, int before) const {
   const Node &from = node(before), &to = node(at);
-  return {at, before, scale_gradient(from.p, to.p), unshared_scale_variance(from, to)};
+  return {
+      at, before, {to.p, to.R, scale_gradient(from.p, to.p), unshared_scale_variance(from, to)}};
 }
 
 // The keyframes since which depths were measured are needed where depths were used: those of what
@@ -391,43 +380,6 @@ DriftFilter::Sides DriftFilter::insert_sides(std::size_t drone, const RelativePo
   const int other = find_or_insert(to_node(drone, measurement.other));
   return {side_of(own, own_before < 0 ? own : own_before),
           side_of(other, other_before < 0 ? other : other_before)};
-}
-
-// r = e_own - e_other + [b]x dtheta_other - b s + n, b from other to own, and of the depths
-// s_own - s_other + n. s = g (dp - dp_before): the share by which odometry has a way too short, of
-// that side whose depths were used; in n is also by how much depths are wrong otherwise.
-DriftFilter::Linearised DriftFilter::linearise(const Sides& sides, const RelativePose& measurement,
-                                               const DepthRatio* ratio) const {
-  const auto& [own, other] = sides;
-  const bool by_own_depths = measurement.found_by_other;
-  const Side& used = by_own_depths ? own : other;  // whose depths were
-  const Node &k = node(own.at), &m = node(other.at);
-  const Eigen::Vector3d b = k.p - m.p;
-  Matrix76d H_own = Matrix76d::Identity(), H_other = -Matrix76d::Identity();
-  Matrix76d H_own_before = Matrix76d::Zero(), H_other_before = Matrix76d::Zero();
-  H_other.block<3, 3>(0, 3) = skew(b);
-  (by_own_depths ? H_own : H_other).topLeftCorner<3, 3>() -= b * used.scale;
-  (by_own_depths ? H_own_before : H_other_before).topLeftCorner<3, 3>() = b * used.scale;
-  Linearised result;
-  result.r.head<kSize>() = relative_residual(measurement.T_other_own, m.R, k.R, b);
-  result.noise = noise_of(measurement, ratio, m.R);
-  Vector7d by_used = Vector7d::Zero();
-  by_used.head<3>() = -b;
-  if (ratio != nullptr) {
-    H_own.bottomLeftCorner<1, 3>() = own.scale;
-    H_own_before.bottomLeftCorner<1, 3>() = -own.scale;
-    H_other.bottomLeftCorner<1, 3>() = -other.scale;
-    H_other_before.bottomLeftCorner<1, 3>() = other.scale;
-    result.r(kSize) = ratio->log_ratio;
-    by_used(kSize) = by_own_depths ? 1 : -1;
-    result.noise(kSize, kSize) += by_own_depths ? other.unshared : own.unshared;
-  }
-  result.noise += used.unshared * by_used * by_used.transpose();
-  result.terms = {{{own.at, H_own},
-                   {own.before, H_own_before},
-                   {other.at, H_other},
-                   {other.before, H_other_before}}};
-  return result;
 }
 
 void DriftFilter::save() {
@@ -465,24 +417,29 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
 DriftOutcome DriftFilter::fuse(std::size_t drone, const RelativePose& measurement,
                                double repetition) {
   const DepthRatio* ratio = usable_ratio(measurement);
-  const Sides sides = insert_sides(drone, measurement, ratio != nullptr);
-  if (sides.own.at == sides.other.at) return DriftOutcome::kInvalid;
-  Linearised model = linearise(sides, measurement, ratio);
+  const auto [own, other] = insert_sides(drone, measurement, ratio != nullptr);
+  if (own.at == other.at) return DriftOutcome::kInvalid;
+  const DriftObservation observed = observe_drift(own.keyframe, other.keyframe, measurement, ratio);
+  const std::array<std::pair<int, Matrix76d>, 4> terms{{{own.at, observed.H_own},
+                                                        {own.before, observed.H_own_before},
+                                                        {other.at, observed.H_other},
+                                                        {other.before, observed.H_other_before}}};
 
   auto P = P_.topLeftCorner(size(), size());
+  Vector7d r = observed.r;
   Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(size(), kRows);
-  for (const auto& [index, H] : model.terms) {
-    model.r -= H * x_.segment<kSize>(block(index));
+  for (const auto& [index, H] : terms) {
+    r -= H * x_.segment<kSize>(block(index));
     PHt.noalias() += P.middleCols<kSize>(block(index)) * H.transpose();
   }
-  Matrix7d S = repetition * model.noise;
-  for (const auto& [index, H] : model.terms) S += H * PHt.middleRows<kSize>(block(index));
+  Matrix7d S = repetition * observed.noise;
+  for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
   const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;
-  if (!(model.r.dot(cholesky.solve(model.r)) <= limit)) return DriftOutcome::kGated;
+  if (!(r.dot(cholesky.solve(r)) <= limit)) return DriftOutcome::kGated;
   const Eigen::MatrixXd W = cholesky.matrixL().solve(PHt.transpose());  // P H^T inv(S) H P = W^T W
-  x_.head(size()) += W.transpose() * cholesky.matrixL().solve(model.r);
+  x_.head(size()) += W.transpose() * cholesky.matrixL().solve(r);
   P.noalias() -= W.transpose() * W;
   return DriftOutcome::kUsed;
 }

@@ -15,15 +15,14 @@
 // much more the one's odometry is wrong over the way on which it did than the other's.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "estimator/drift_observation.h"
 #include "estimator/measurements.h"
 #include "estimator/relative_pose.h"
 #include "estimator/world_vote.h"
@@ -170,26 +169,14 @@ class DriftFilter {
   // A keyframe of a relative pose in the state, and the one since which its drone measured depths.
   struct Side {
     int at = 0, before = 0;  // nodes; the same where depths do not matter
-    Eigen::RowVector3d scale = Eigen::RowVector3d::Zero();  // scale_gradient
-    double unshared = 0;  // variance, of how depths are wrong otherwise than the way
+    ObservedKeyframe keyframe;
   };
   struct Sides {
     Side own, other;
   };
-  using Vector7d = Eigen::Matrix<double, 7, 1>;
-  using Matrix76d = Eigen::Matrix<double, 7, 6>;
-  // Of a relative pose and the ratio of depths: what is left over, how it changes with the errors
-  // of some nodes, and the covariance of its noise.
-  struct Linearised {
-    Vector7d r = Vector7d::Zero();
-    std::array<std::pair<int, Matrix76d>, 4> terms;
-    Matrix7d noise = Matrix7d::Identity();
-  };
   [[nodiscard]] Side side_of(int at, int before) const;
   [[nodiscard]] Sides insert_sides(std::size_t drone, const RelativePose& measurement,
                                    bool with_ratio);
-  [[nodiscard]] Linearised linearise(const Sides& sides, const RelativePose& measurement,
-                                     const DepthRatio* ratio) const;
   // None if the ratio of the depths says nothing of both drones' odometry.
   [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
   // Unless it is used, nothing changes.
