@@ -289,10 +289,8 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
-  learn_usual(measurement);
-  const RelativePose believed = believable(measurement);
-  if (drone.world.known) return use(*index, believed);
-  const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, believed);
+  if (drone.world.known) return use(*index, measurement);
+  const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);
   if (agreeing.empty()) return DriftOutcome::kUnaligned;
   drone.world.known = true;
   drone.world.pivot = measurement.own.T_world_cam.translation();
@@ -405,9 +403,11 @@ DriftOutcome DriftFilter::use(std::size_t drone, const RelativePose& measurement
   if (said_enough(drones_[drone], pose)) return DriftOutcome::kRepeated;
   save();
   make_room();
-  const DriftOutcome outcome = fuse(drone, measurement, repetition(drones_[drone], pose));
+  const DriftOutcome outcome =
+      fuse(drone, believable(measurement), repetition(drones_[drone], pose));
   if (outcome == DriftOutcome::kUsed) {
     count_used(drones_[drone], pose);
+    learn_usual(measurement);
   } else {
     restore();
   }

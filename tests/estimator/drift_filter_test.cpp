@@ -373,6 +373,26 @@ TEST(DriftFilter, WhoIsGatedPutsNoKeyframeOut) {
   EXPECT_EQ(filter.alignment("uav1")->p_peer, before.alignment("uav1")->p_peer);
 }
 
+// How well the own drone finds places is what peers' claims are measured by.
+TEST(DriftFilter, WhatIsGatedTeachesNothingOfHowWellPlacesAreFound) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  const auto believed = [&](std::size_t gated) {
+    DriftFilter filter({}, "uav0");
+    EXPECT_EQ(filter.add(relative(own, 8, other, 8, 3)), DriftOutcome::kUsed);
+    for (std::size_t i = 0; i < gated; ++i) {
+      RelativePose exact = five_metres_off(relative(own, 14 + i, other, 14 + i, i));
+      exact.covariance *= 1e-6;
+      EXPECT_EQ(filter.add(exact), DriftOutcome::kGated);
+    }
+    RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
+                                         own.keyframes[12], own.keyframes[6]);
+    claimed.covariance *= 1e-6;
+    EXPECT_EQ(filter.add(claimed), DriftOutcome::kUsed);
+    return filter.covariance();
+  };
+  EXPECT_EQ(believed(4), believed(0));
+}
+
 TEST(DriftFilter, CovarianceStaysPositiveDefiniteOverThousandsOfUpdatesAndTheStateIsBounded) {
   DriftConfig config;
   config.max_keyframes = 30;
