@@ -465,13 +465,11 @@ Collaborator::Counter Collaborator::refusal(const PlaceAdvert& advert,
 // At these angles, rad.
 std::vector<double> Collaborator::looked_for(const PeerKeyframe& other,
                                              const KeyframeMatch& match) const {
-  std::vector<PeerLandmark> landmarks;
-  std::copy_if(other.landmarks.begin(), other.landmarks.end(), std::back_inserter(landmarks),
-               [&](const PeerLandmark& landmark) {
-                 return landmark.patch != LandmarkPatch{} &&
-                        is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
-                                   config_.matching.max_relative_sigma);
-               });
+  std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.matching.max_relative_sigma);
+  const auto without_patch = std::remove_if(
+      landmarks.begin(), landmarks.end(),
+      [](const PeerLandmark& landmark) { return landmark.patch == LandmarkPatch{}; });
+  landmarks.erase(without_patch, landmarks.end());
   return viewing_angles(positions_of(landmarks), match.T_other_own, camera_);
 }
 

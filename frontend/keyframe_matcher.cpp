@@ -10,17 +10,16 @@
 namespace covey {
 namespace {
 
-// Those whose depth is certain.
 template <typename Landmark>
-std::vector<Landmark> usable_landmarks(const std::vector<Landmark>& landmarks,
-                                       double max_relative_sigma) {
-  std::vector<Landmark> usable;
-  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(usable),
+std::vector<Landmark> certain_ones(const std::vector<Landmark>& landmarks,
+                                   double max_relative_sigma) {
+  std::vector<Landmark> certain;
+  std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(certain),
                [&](const Landmark& landmark) {
                  return is_certain(landmark.inverse_depth, landmark.inverse_depth_sigma,
                                    max_relative_sigma);
                });
-  return usable;
+  return certain;
 }
 
 template <typename Features>
@@ -111,7 +110,11 @@ bool is_certain(double inverse_depth, double inverse_depth_sigma, double max_rel
 }
 
 std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe, double max_relative_sigma) {
-  return usable_landmarks(keyframe.features, max_relative_sigma);
+  return certain_ones(keyframe.features, max_relative_sigma);
+}
+
+std::vector<PeerLandmark> landmarks_of(const PeerKeyframe& keyframe, double max_relative_sigma) {
+  return certain_ones(keyframe.landmarks, max_relative_sigma);
 }
 
 ShortDescriptor shortened(const BinaryDescriptor& descriptor) {
@@ -193,8 +196,7 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
 std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
                                                             const PeerKeyframe& other) const {
   const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
-  const std::vector<PeerLandmark> landmarks =
-      usable_landmarks(other.landmarks, config_.max_relative_sigma);
+  const std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.max_relative_sigma);
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
   std::vector<Search> searches;

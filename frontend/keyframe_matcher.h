@@ -66,9 +66,11 @@ struct NoMatch {
 [[nodiscard]] bool is_certain(double inverse_depth, double inverse_depth_sigma,
                               double max_relative_sigma);
 
-// Those features whose depth is certain.
+// Those features or landmarks whose depth is certain.
 [[nodiscard]] std::vector<KeyframeFeature> landmarks_of(const Keyframe& keyframe,
                                                         double max_relative_sigma);
+[[nodiscard]] std::vector<PeerLandmark> landmarks_of(const PeerKeyframe& keyframe,
+                                                     double max_relative_sigma);
 
 // What the own drone knows of a landmark's depth, if it is certain.
 template <typename Feature>
