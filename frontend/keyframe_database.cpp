@@ -84,12 +84,11 @@ KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
 }
 
 void KeyframeDatabase::add(Keyframe keyframe) {
-  if (keyframes_.size() >= config_.capacity) {
-    keyframes_.erase(keyframes_.begin() + static_cast<std::ptrdiff_t>(most_redundant()));
-  }
+  if (keyframes_.size() >= config_.capacity) forget(most_redundant());
   refine_newest(keyframes_, config_.protected_newest, keyframe,
                 [](const KeyframeFeature& feature) { return feature.track_id; });
   keyframes_.push_back(std::move(keyframe));
+  least_differences_.push_back(least_difference(keyframes_.size() - 1));
 }
 
 const Keyframe* KeyframeDatabase::last() const {
@@ -103,21 +102,32 @@ const Keyframe* KeyframeDatabase::find(std::uint64_t keyframe_id) const {
   return found == keyframes_.end() ? nullptr : &*found;
 }
 
+double KeyframeDatabase::least_difference(std::size_t index) const {
+  const CameraView view = view_of(keyframes_[index]);
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t older = 0; older < index; ++older) {
+    least = std::min(least, view_difference(view, view_of(keyframes_[older])));
+  }
+  return least;
+}
+
 std::size_t KeyframeDatabase::most_redundant() const {
   const std::size_t candidates = keyframes_.size() - config_.protected_newest;
-  std::size_t redundant = candidates - 1;
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t newer = 1; newer < candidates; ++newer) {
-    for (std::size_t older = 0; older < newer; ++older) {
-      const double difference =
-          view_difference(view_of(keyframes_[newer]), view_of(keyframes_[older]));
-      if (difference < least) {
-        least = difference;
-        redundant = newer;
-      }
-    }
+  const auto first = least_differences_.begin();
+  return static_cast<std::size_t>(
+      std::min_element(first, first + static_cast<std::ptrdiff_t>(candidates)) - first);
+}
+
+// Those whose most similar older view it was look for another.
+void KeyframeDatabase::forget(std::size_t index) {
+  const auto offset = static_cast<std::ptrdiff_t>(index);
+  const CameraView gone = view_of(keyframes_[index]);
+  keyframes_.erase(keyframes_.begin() + offset);
+  least_differences_.erase(least_differences_.begin() + offset);
+  for (std::size_t newer = index; newer < keyframes_.size(); ++newer) {
+    double& least = least_differences_[newer];
+    if (view_difference(view_of(keyframes_[newer]), gone) <= least) least = least_difference(newer);
   }
-  return redundant;
 }
 
 }  // namespace covey

@@ -103,10 +103,14 @@ class KeyframeDatabase {
   [[nodiscard]] const Keyframe* find(std::uint64_t keyframe_id) const;
 
  private:
+  // Of a keyframe's view to that of an older one.
+  [[nodiscard]] double least_difference(std::size_t index) const;
   [[nodiscard]] std::size_t most_redundant() const;
+  void forget(std::size_t index);
 
   Config config_;
-  std::deque<Keyframe> keyframes_;  // oldest first
+  std::deque<Keyframe> keyframes_;        // oldest first
+  std::deque<double> least_differences_;  // least_difference() of each
 };
 
 }  // namespace covey

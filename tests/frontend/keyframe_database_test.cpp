@@ -4,8 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <stdexcept>
+#include <vector>
 
+#include "sim/random.h"
 #include "synthetic_keyframes.h"
 
 namespace covey {
@@ -91,6 +95,43 @@ TEST(KeyframeDatabase, IsBoundedAndKeepsOldPlaces) {
     EXPECT_NE(database.find(newest), nullptr) << newest;
   }
   EXPECT_EQ(database.find(200), nullptr);
+}
+
+// Those are compared that are not among the newest.
+std::size_t newer_of_the_most_similar(const std::vector<Keyframe>& keyframes,
+                                      std::size_t compared) {
+  std::size_t redundant = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t newer = 1; newer < compared; ++newer) {
+    for (std::size_t older = 0; older < newer; ++older) {
+      const double difference =
+          view_difference(view_of(keyframes[newer]), view_of(keyframes[older]));
+      if (difference >= least) continue;
+      least = difference;
+      redundant = newer;
+    }
+  }
+  return redundant;
+}
+
+TEST(KeyframeDatabase, ForgetsAsIfAllWereComparedWithAllEachTime) {
+  constexpr std::size_t kCapacity = 30, kProtected = 5;
+  Random random(1, 0xdb);
+  KeyframeDatabase database({kCapacity, kProtected});
+  std::vector<Keyframe> kept;
+  for (std::uint64_t id = 1; id < 400; ++id) {
+    const Keyframe added = keyframe(id, 20 * random.gaussian_vector());
+    if (kept.size() == kCapacity) {
+      const std::size_t index = newer_of_the_most_similar(kept, kCapacity - kProtected);
+      kept.erase(kept.begin() + static_cast<std::ptrdiff_t>(index));
+    }
+    kept.push_back(added);
+    database.add(added);
+    ASSERT_EQ(database.keyframes().size(), kept.size());
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+      ASSERT_EQ(database.keyframes()[i].pose.keyframe_id, kept[i].pose.keyframe_id) << id;
+    }
+  }
 }
 
 TEST(KeyframeDatabase, ANewKeyframeRefinesThoseBeforeIt) {
