@@ -10,6 +10,7 @@
 #include "estimator/imu_buffer.h"
 #include "estimator/imu_transition.h"
 #include "estimator/keyframe_policy.h"
+#include "estimator/median.h"
 #include "estimator/observation_model.h"
 #include "estimator/peer_update.h"
 #include "estimator/so3.h"
@@ -44,6 +45,19 @@ constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
+
+// Of SLAM features' depths, over them: what they have in common is the scale.
+constexpr double kScaleKnown = 0.01;
+std::optional<double> median_depth_error(const State& state) {
+  if (state.landmarks().empty()) return std::nullopt;
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
+    const int rho = state.landmark_offset(static_cast<int>(i)) + 2;
+    errors.push_back(std::sqrt(state.covariance()(rho, rho)) /
+                     state.landmarks()[i].inverse_depth.z());
+  }
+  return median(std::move(errors));
+}
 
 // A landmark in each cell of a coarse grid: SLAM features should look in all directions.
 constexpr int kGrid = 4;
@@ -130,6 +144,7 @@ struct Estimator::Impl {
   std::vector<const Track*> ended_or_leaving(std::optional<std::uint64_t> leaving) const;
   std::vector<const Track*> slam_candidates(const std::vector<const Track*>& taken) const;
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
+  void settle_scale();
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
   std::vector<const Track*> matched_tracks(const KeyframeMatch& match) const;
@@ -156,7 +171,8 @@ struct Estimator::Impl {
   StillnessDetector stillness;
   TrackList reference;  // of the last keyframe
   std::uint64_t reference_id = 0, next_clone_id = 1;
-  bool seeing = false;  // the first visual update has been made
+  bool seeing = false;       // the first visual update has been made
+  bool scale_known = false;  // since then
   FilterStatus status = FilterStatus::kUninitialized;
   TimeNs healthy_ns = 0;
   CoreState healthy;     // the state as it was then, carried on by the IMU alone
@@ -172,7 +188,7 @@ void Estimator::Impl::start(const State& initial) {
   stillness.clear();
   reference.clear();
   reference_id = 0;
-  seeing = false;
+  seeing = scale_known = false;
   status = FilterStatus::kTracking;
   healthy_ns = state->imu().stamp_ns;
   healthy = state->core();
@@ -254,6 +270,17 @@ void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport&
   }
 }
 
+// As long as the scale is known badly, first estimates are wrong by as much, and linearised there
+// parallax, known to a thousandth, would tell of the scale what it does not: gentle starts become
+// overconfident. What first estimates are for, yaw and position that nothing shows, suffers little
+// in the few seconds until then.
+void Estimator::Impl::settle_scale() {
+  if (scale_known) return;
+  const std::optional<double> error = median_depth_error(*state);
+  scale_known = config.max_slam_features == 0 || (error && *error < kScaleKnown);
+  if (!scale_known) state->forget_first_estimates();
+}
+
 void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
   vision->reanchor(*state, index, report);
   store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
@@ -281,6 +308,7 @@ void Estimator::Impl::try_start(UpdateReport& report) {
     seeing = vision->start(*state, told(), tracks, report);
   }
   if (!seeing) return;
+  scale_known = false;
   glimpsed.reset();
   store.forget_all_observations();
   for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
@@ -343,6 +371,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
       store.forget_observations(id);
     }
   }
+  settle_scale();
   store.end_image();
   marginalize(leaving, report);
   report.msckf_ms = now_ms() - msckf_start;

@@ -171,6 +171,7 @@ void State::count_gated(int landmark_index, bool gated) {
 void State::forget_first_estimates() {
   imu_first_ = imu_;
   for (Clone& clone : clones_) clone.first = clone.pose;
+  for (SlamLandmark& landmark : landmarks_) landmark.first = landmark.inverse_depth;
 }
 
 Eigen::VectorXd State::window_minus(const State& other) const {

@@ -108,8 +108,8 @@ class State {
   void reanchor_landmark(int index, const SlamLandmark& moved, const Eigen::MatrixXd& J);
   void count_gated(int landmark_index, bool gated);
 
-  // Linearise IMU and clones at the present values from here on. Only while there are no landmarks:
-  // before the first visual update, or before one that begins anew.
+  // Linearise everything at the present values from here on. Only while first estimates are worth
+  // less than what they guard: until the scale is known.
   void forget_first_estimates();
   // Error that takes the other state's clones and calibration to this one's: calibration, clones.
   [[nodiscard]] Eigen::VectorXd window_minus(const State& other) const;

@@ -21,8 +21,10 @@ constexpr int kStartIterations = 8, kGlimpseIterations = 20;
 constexpr double kStartConverged = 1e-3;  // m and rad, largest change
 constexpr int kMinStartTracks = 20;
 constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared residuals
-constexpr double kMaxStartDepthError = 0.15;  // median
-constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
+constexpr double kMaxStartDepthError = 0.08;  // median
+// After so long a window less is enough: what has left it by then tells nothing any more.
+constexpr double kStartPatience_s = 3, kMaxLateStartDepthError = 0.15;
+constexpr double kStartOutlier = 3.0;  // root mean square of a track's residuals, in sigma
 
 // Before the start: how far away things are taken to be at first (too far is safe: it claims to see
 // less of the motion than there is to see), how much that differs from place to place (factor e),
@@ -35,6 +37,14 @@ constexpr double kMaxGlimpseResidual = 1.25;
 // As many as an update may use, but never too few to tell anything.
 int max_glimpse_tracks(const EstimatorConfig& config) {
   return std::max(config.max_msckf_features, kMinStartTracks);
+}
+
+// How well depths must be known. Started sooner, linearised where the scale is wrong by a tenth,
+// the parallax of every track would be taken for news of the scale.
+double max_start_depth_error(const State& state) {
+  const double waited_s =
+      seconds_between(state.clones().front().stamp_ns, state.clones().back().stamp_ns);
+  return waited_s > kStartPatience_s ? kMaxLateStartDepthError : kMaxStartDepthError;
 }
 
 int window_columns(const State& state) {
@@ -436,7 +446,7 @@ bool VisionUpdate::start(State& state, const State& guess, const std::vector<con
   }
   const StartQuality quality = stack_for_start(current, tracks);
   if (quality.tracks < kMinStartTracks || quality.median_squared_residual > kMaxStartResidual ||
-      !(quality.median_depth_error < kMaxStartDepthError)) {
+      !(quality.median_depth_error < max_start_depth_error(state))) {
     return false;
   }
   state = current;

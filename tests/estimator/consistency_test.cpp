@@ -8,6 +8,8 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -114,6 +116,92 @@ TEST(Consistency, ErrorsAreAsLargeAsTheCovarianceSaysWithOnlineCalibration) {
   const std::vector<FilterRun> runs = run_all(true);
   expect_no_divergence(runs);
   if (kEnoughForStatistics) expect_consistent(runs);
+}
+
+// Way at a speed of one that is reached from rest after `rise_s`.
+double started(double time_s, double rise_s) {
+  if (time_s > rise_s) return time_s - rise_s / 2;
+  return time_s / 2 - rise_s / (2 * M_PI) * std::sin(M_PI * time_s / rise_s);
+}
+
+// Motions that hardly show the scale for seconds.
+struct Heading {
+  Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();
+  double yaw = 0;
+};
+
+Heading hovering(double t) {
+  return {{0.02 * std::sin(1.3 * t), 0.02 * std::sin(1.7 * t), 0.015 * std::sin(2.1 * t)},
+          0.01 * std::sin(1.9 * t)};
+}
+
+Heading sliding_slowly(double t) {
+  return {{0.1 * started(t, 2), 0.05 * std::sin(0.3 * t), 0.02 * std::sin(0.5 * t)},
+          0.05 * std::sin(0.2 * t)};
+}
+
+Heading turning(double t) {
+  const double way = 0.3 * started(t, 1);
+  return {{std::cos(way), std::sin(way), 0.1 * std::sin(0.7 * t)}, 0.8 * started(t, 1)};
+}
+
+Trajectory flown(Heading (*motion)(double)) {
+  constexpr double kSeconds = 6, kStep_s = 0.02;
+  Eigen::Matrix3d R_heading_imu;  // EuRoC's IMU: x up, the camera looks along z
+  R_heading_imu << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  std::vector<double> times_s;
+  std::vector<Pose> poses;
+  for (double t = 0; t < kSeconds; t += kStep_s) {
+    const Heading heading = motion(t);
+    const Eigen::AngleAxisd turned(heading.yaw, Eigen::Vector3d::UnitZ());
+    times_s.push_back(t);
+    poses.push_back({heading.p_world_imu, Eigen::Quaterniond(turned * R_heading_imu)});
+  }
+  return Trajectory::from_poses(times_s, poses);
+}
+
+// Mean NEES of the position over its degrees of freedom, once the filter has had time to start.
+double mean_nees_of_gentle_flights(Heading (*motion)(double)) {
+  constexpr int kFlights = kEnoughForStatistics ? 12 : 2;
+  constexpr double kStarted_s = 2;
+  FeatureScenario scenario;
+  scenario.flight.scenario = Scenario::kRoom;
+  scenario.flight.recorded = {flown(motion)};
+  scenario.camera.rate_hz = 30;
+  scenario.camera.pixel_sigma = 0.1;
+  EstimatorConfig config;
+  config.calibrate_extrinsics = config.calibrate_time_offset = config.calibrate_intrinsics = true;
+  config.extrinsics_sigma_m = config.extrinsics_sigma_rad = 0.001;
+  double sum = 0;
+  int count = 0;
+  for (std::uint64_t seed = 1; seed <= kFlights; ++seed) {
+    const FeatureSimulation simulation = simulate_features(scenario, seed);
+    const FilterRun run = run_filter(simulation.drones[0], config, seed);
+    EXPECT_EQ(run.reinitialized, 0);
+    for (const ErrorSample& error : run.errors) {
+      if (error.time_s < kStarted_s) continue;
+      sum += error.position_nees / 3;
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+// What a gentle start does not show of the scale is not believed to be known. 0.9, 4.4 and 5.8 when
+// this was written; 3.6, 54 and 60 as long as first estimates were kept from the first visual
+// update on, that came sooner, and a slow start was taken for standing still. Where the scale is
+// hardly better known after seconds, some of the linearisation's errors are left.
+TEST(Consistency, AGentleStartTellsLittleOfTheScaleAndTheFilterKnows) {
+  struct Case {
+    Heading (*motion)(double);
+    double most;
+  };
+  for (const Case& flight : {Case{hovering, 1.5}, Case{sliding_slowly, 12}, Case{turning, 15}}) {
+    const double nees = mean_nees_of_gentle_flights(flight.motion);
+    if (kEnoughForStatistics) {
+      EXPECT_LT(nees, flight.most);
+    }
+  }
 }
 
 }  // namespace

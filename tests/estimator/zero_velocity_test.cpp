@@ -104,11 +104,11 @@ TrackList grid(double sigma) {
   return tracks;
 }
 
-constexpr double kWindow_s = 0.4, kLimit = 0.0015;  // as configured
+constexpr double kWindow_s = 0.4, kLimit = 0.0005;  // as configured
 
 TEST(StillnessDetector, TellsStandingFromMoving) {
   EXPECT_TRUE(watched(0, grid(1e-4)).visually_still(kWindow_s, kLimit));
-  EXPECT_TRUE(watched(0.002, grid(1e-4)).visually_still(kWindow_s, kLimit)) << "0.0008 in a window";
+  EXPECT_TRUE(watched(0.001, grid(1e-4)).visually_still(kWindow_s, kLimit)) << "0.0004 in a window";
   EXPECT_FALSE(watched(0.01, grid(1e-4)).visually_still(kWindow_s, kLimit));
   EXPECT_TRUE(watched(0.01, grid(1e-2)).visually_still(kWindow_s, kLimit)) << "may be noise";
 }
