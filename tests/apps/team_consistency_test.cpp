@@ -19,7 +19,7 @@ namespace covey {
 namespace {
 
 constexpr int kSeeds = kEnoughForStatistics ? 50 : 2;
-constexpr int kFewSeeds = kEnoughForStatistics ? 12 : 1;
+constexpr int kFewSeeds = kEnoughForStatistics ? 40 : 1;
 constexpr int kThreads = 2;
 constexpr std::size_t kDrones = 4, kBadPeer = 3;
 constexpr std::size_t kBins = 8;  // of time
