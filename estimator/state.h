@@ -13,7 +13,8 @@
 //
 // First-estimate Jacobians (Huang, Mourikis, Roumeliotis, IJRR 2010): every pose and landmark is
 // linearised where it was first estimated (`first`), so that the filter never believes it has
-// learnt the global position and yaw that nothing observes.
+// learnt the global position and yaw that nothing observes. Once the scale is known: before that,
+// forget_first_estimates().
 #pragma once
 
 #include <Eigen/Core>
