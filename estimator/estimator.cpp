@@ -46,16 +46,22 @@ constexpr std::size_t kEnoughTracks = 20;  // to see with
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
 
-// Of SLAM features' depths, over them: what they have in common is the scale.
+// Of a SLAM feature: standard deviation of its inverse depth over its value.
+double depth_error(const State& state, int landmark) {
+  const int rho = state.landmark_offset(landmark) + 2;
+  return std::sqrt(state.covariance()(rho, rho)) /
+         state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
+}
+
+// What depths have in common is the scale.
 constexpr double kScaleKnown = 0.01;
 std::optional<double> median_depth_error(const State& state) {
-  if (state.landmarks().empty()) return std::nullopt;
   std::vector<double> errors;
-  for (std::size_t i = 0; i < state.landmarks().size(); ++i) {
-    const int rho = state.landmark_offset(static_cast<int>(i)) + 2;
-    errors.push_back(std::sqrt(state.covariance()(rho, rho)) /
-                     state.landmarks()[i].inverse_depth.z());
+  errors.reserve(state.landmarks().size());
+  for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
+    errors.push_back(depth_error(state, i));
   }
+  if (errors.empty()) return std::nullopt;
   return median(std::move(errors));
 }
 
@@ -188,7 +194,7 @@ void Estimator::Impl::start(const State& initial) {
   stillness.clear();
   reference.clear();
   reference_id = 0;
-  seeing = scale_known = false;
+  seeing = false;
   status = FilterStatus::kTracking;
   healthy_ns = state->imu().stamp_ns;
   healthy = state->core();
@@ -664,9 +670,7 @@ std::vector<TrackDepth> Estimator::depths() {
   const State& state = *impl_->state;
   for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
     const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
-    const int rho = state.landmark_offset(i) + 2;
-    const double sigma = std::sqrt(state.covariance()(rho, rho));
-    const auto depth = depth_from(state, landmark, sigma / landmark.inverse_depth.z());
+    const auto depth = depth_from(state, landmark, depth_error(state, i));
     if (depth) depths.push_back(*depth);
   }
   for (const Track& track : impl_->store.tracks()) {
