@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -177,8 +178,9 @@ struct Estimator::Impl {
   StillnessDetector stillness;
   TrackList reference;  // of the last keyframe
   std::uint64_t reference_id = 0, next_clone_id = 1;
-  bool seeing = false;       // the first visual update has been made
-  bool scale_known = false;  // since then
+  bool seeing = false;          // the first visual update has been made
+  TimeNs waiting_since_ns = 0;  // for it
+  bool scale_known = false;     // since then
   FilterStatus status = FilterStatus::kUninitialized;
   TimeNs healthy_ns = 0;
   CoreState healthy;     // the state as it was then, carried on by the IMU alone
@@ -195,6 +197,7 @@ void Estimator::Impl::start(const State& initial) {
   reference.clear();
   reference_id = 0;
   seeing = false;
+  waiting_since_ns = state->imu().stamp_ns;
   status = FilterStatus::kTracking;
   healthy_ns = state->imu().stamp_ns;
   healthy = state->core();
@@ -301,17 +304,21 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 }
 
 // Before the first visual update the window only collects; each new keyframe is a chance to start.
+// Tracks that have ended are often short, their depths known badly and linearised where they are
+// not: only who has waited long uses them.
 void Estimator::Impl::try_start(UpdateReport& report) {
+  const double waited_s = seconds_between(waiting_since_ns, state->imu().stamp_ns);
   std::vector<const Track*> tracks;
   for (const Track& track : store.tracks()) {
-    if (track.observations.size() >= 2) tracks.push_back(&track);
+    const bool usable = track.seen_now || waited_s > kStartPatience_s;
+    if (usable && track.observations.size() >= 2) tracks.push_back(&track);
   }
   std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
     return a->observations.size() > b->observations.size();
   });
   glimpsed = vision->glimpse(*state, tracks);
   if (state->clones().back().keyframe && state->clones().size() >= 4) {
-    seeing = vision->start(*state, told(), tracks, report);
+    seeing = vision->start(*state, told(), tracks, waited_s, report);
   }
   if (!seeing) return;
   scale_known = false;
@@ -320,21 +327,30 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
 }
 
-// Drops the keyframe whose neighbours are closest in time: the window keeps its first view and
+// Drops the keyframe without which the fewest tracks become too short, and of these the one whose
+// neighbours are closest in time: as long as tracks last, the window keeps its first view and
 // covers ever more motion.
 void Estimator::Impl::thin_window(UpdateReport& report) {
   const auto& clones = state->clones();
-  int closest = -1;
-  double shortest = 0;
-  for (int i = 1; i + 2 < static_cast<int>(clones.size()); ++i) {
-    const auto at = [&](int index) { return clones[static_cast<std::size_t>(index)].stamp_ns; };
-    const double span = seconds_between(at(i - 1), at(i + 1));
-    if (closest < 0 || span < shortest) {
-      closest = i;
-      shortest = span;
-    }
+  const auto too_short = [&](const Clone& clone) {
+    return std::count_if(store.tracks().begin(), store.tracks().end(), [&](const Track& track) {
+      return track.observations.size() == kMinObservations && track.find(clone.id) != nullptr;
+    });
+  };
+  const auto span_s = [&](int index) {
+    const auto at = [&](int i) { return clones[static_cast<std::size_t>(i)].stamp_ns; };
+    return index == 0 ? std::numeric_limits<double>::infinity()
+                      : seconds_between(at(index - 1), at(index + 1));
+  };
+  int dropped = -1;
+  std::pair<std::ptrdiff_t, double> least;
+  for (int i = 0; i + 2 < static_cast<int>(clones.size()); ++i) {
+    const std::pair cost(too_short(clones[static_cast<std::size_t>(i)]), span_s(i));
+    if (dropped >= 0 && !(cost < least)) continue;
+    dropped = i;
+    least = cost;
   }
-  if (closest > 0) drop_clone(closest, report);
+  if (dropped >= 0) drop_clone(dropped, report);
 }
 
 void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
@@ -348,7 +364,11 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   if (!seeing) {
     const double start_ms = now_ms();
     try_start(report);
-    store.end_image();
+    if (seeing) {
+      store.drop_ended();
+    } else {
+      store.drop_ended(kMinObservations);  // the others will help to start
+    }
     marginalize(std::nullopt, report);
     if (static_cast<int>(state->clones().size()) > config.max_clones) thin_window(report);
     report.msckf_ms = now_ms() - start_ms;
@@ -378,7 +398,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
     }
   }
   settle_scale();
-  store.end_image();
+  store.drop_ended();
   marginalize(leaving, report);
   report.msckf_ms = now_ms() - msckf_start;
 }
@@ -504,6 +524,7 @@ void Estimator::Impl::look_again(UpdateReport& report) {
     ++report.slam_lost;
   }
   seeing = false;
+  waiting_since_ns = state->imu().stamp_ns;
 }
 
 // Starts anew from the last healthy state and what the IMU has told since then, with the covariance

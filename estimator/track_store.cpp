@@ -60,9 +60,11 @@ void TrackStore::forget_all_observations() {
   for (Track& track : tracks_) track.observations.clear();
 }
 
-void TrackStore::end_image() {
+void TrackStore::drop_ended(std::size_t shorter_than) {
   tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(),
-                               [](const Track& track) { return !track.seen_now; }),
+                               [&](const Track& track) {
+                                 return !track.seen_now && track.observations.size() < shorter_than;
+                               }),
                 tracks_.end());
 }
 

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "estimator/measurements.h"
@@ -28,7 +30,8 @@ struct Track {
 
 class TrackStore {
  public:
-  // Marks every track as not seen; then each observation of the new image is added.
+  // Marks every track as not seen; then each observation of the new image is added, the image used,
+  // and what has ended dropped.
   void begin_image();
   void add(std::uint64_t track_id, const CloneObservation& observation);
   [[nodiscard]] const std::vector<Track>& tracks() const { return tracks_; }  // by id, ascending
@@ -37,7 +40,8 @@ class TrackStore {
   void forget_track(std::uint64_t track_id);         // the track is gone
   void forget_observations(std::uint64_t track_id);  // used: each counts once
   void forget_all_observations();
-  void end_image();  // drops tracks that ended
+  // Drops tracks that ended, all of them or those with fewer observations.
+  void drop_ended(std::size_t shorter_than = std::numeric_limits<std::size_t>::max());
   void clear() { tracks_.clear(); }
 
  private:

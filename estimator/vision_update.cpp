@@ -12,7 +12,6 @@
 namespace covey {
 namespace {
 
-constexpr int kMinObservations = 3;  // of a track, before it says anything about the motion
 constexpr int kGatedUntilDropped = 3;
 constexpr double kMaxBearingDepthError = 0.5;  // beyond it bearing noise alone hides the depth
 
@@ -22,9 +21,7 @@ constexpr double kStartConverged = 1e-3;  // m and rad, largest change
 constexpr int kMinStartTracks = 20;
 constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared residuals
 constexpr double kMaxStartDepthError = 0.08;  // median
-// After so long a window less is enough: what has left it by then tells nothing any more.
-constexpr double kStartPatience_s = 3, kMaxLateStartDepthError = 0.15;
-constexpr double kStartOutlier = 3.0;  // root mean square of a track's residuals, in sigma
+constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
 
 // Before the start: how far away things are taken to be at first (too far is safe: it claims to see
 // less of the motion than there is to see), how much that differs from place to place (factor e),
@@ -40,11 +37,10 @@ int max_glimpse_tracks(const EstimatorConfig& config) {
 }
 
 // How well depths must be known. Started sooner, linearised where the scale is wrong by a tenth,
-// the parallax of every track would be taken for news of the scale.
-double max_start_depth_error(const State& state) {
-  const double waited_s =
-      seconds_between(state.clones().front().stamp_ns, state.clones().back().stamp_ns);
-  return waited_s > kStartPatience_s ? kMaxLateStartDepthError : kMaxStartDepthError;
+// the parallax of every track would be taken for news of the scale. But the IMU alone forgets the
+// scale that the initial velocity tells, and slow flight does not show it again.
+double max_start_depth_error(double waited_s) {
+  return waited_s > kStartPatience_s ? kMaxBearingDepthError : kMaxStartDepthError;
 }
 
 int window_columns(const State& state) {
@@ -428,7 +424,7 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
 }
 
 bool VisionUpdate::start(State& state, const State& guess, const std::vector<const Track*>& tracks,
-                         UpdateReport& report) {
+                         double waited_s, UpdateReport& report) {
   State current = guess;
   current.forget_first_estimates();
   const int columns = window_columns(state);
@@ -446,7 +442,7 @@ bool VisionUpdate::start(State& state, const State& guess, const std::vector<con
   }
   const StartQuality quality = stack_for_start(current, tracks);
   if (quality.tracks < kMinStartTracks || quality.median_squared_residual > kMaxStartResidual ||
-      !(quality.median_depth_error < max_start_depth_error(state))) {
+      !(quality.median_depth_error < max_start_depth_error(waited_s))) {
     return false;
   }
   state = current;

@@ -4,6 +4,7 @@
 // track ended or whose oldest clone is about to leave, and tracks that become SLAM features.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -15,6 +16,11 @@
 #include "estimator/triangulation.h"
 
 namespace covey {
+
+// Of a track, before it says anything about the motion.
+constexpr std::size_t kMinObservations = 3;
+// Who waits longer for the first visual update makes it with whatever there is.
+constexpr double kStartPatience_s = 3;
 
 // What this drone knows of a landmark f = (x/z, y/z, 1/z) in its anchor's camera:
 //   r = H dx + R df + n
@@ -46,9 +52,10 @@ class VisionUpdate {
   // The first visual update: all tracks and all clones at once, iterated (Gauss-Newton on prior and
   // bearings), because before it neither depth nor scale is known and one linearisation would be
   // wrong for good. `guess`: where to begin, of the same window. Commits and returns true only when
-  // depths have become known and the tracks agree.
+  // depths have become known, or it has waited long enough, and the tracks agree.
   [[nodiscard]] bool start(State& state, const State& guess,
-                           const std::vector<const Track*>& tracks, UpdateReport& report);
+                           const std::vector<const Track*>& tracks, double waited_s,
+                           UpdateReport& report);
 
   // Before the start: the state as the tracks have it if what is in sight lies about equally far
   // away, however far that is. Hovering shows no depth, but turning, and that it hovers. Not to be
