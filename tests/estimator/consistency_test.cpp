@@ -211,7 +211,7 @@ TEST(Consistency, AGentleStartTellsLittleOfTheScaleAndTheFilterKnows) {
 }
 
 // Where no track lives long enough to tell the scale well, the drone flies with what there is
-// rather than by the IMU alone: 0.035 m off after 6 s when this was written, and 1.8 m as long as
+// rather than by the IMU alone: 0.030 m off after 6 s when this was written, and 1.8 m as long as
 // it waited.
 TEST(Consistency, ASlowDroneOfShortTracksStarts) {
   constexpr int kFlights = kEnoughForStatistics ? 12 : 2;
