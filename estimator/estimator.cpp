@@ -46,6 +46,9 @@ constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
+// Who waits longer for the first visual update makes it with whatever there is: the IMU alone
+// forgets the scale that the initial velocity tells, and slow flight does not show it again.
+constexpr double kStartPatience_s = 3;
 
 // Of a SLAM feature: standard deviation of its inverse depth over its value.
 double depth_error(const State& state, int landmark) {
@@ -307,10 +310,11 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 // Tracks that have ended are often short, their depths known badly and linearised where they are
 // not: only who has waited long uses them.
 void Estimator::Impl::try_start(UpdateReport& report) {
-  const double waited_s = seconds_between(waiting_since_ns, state->imu().stamp_ns);
+  const bool impatient =
+      seconds_between(waiting_since_ns, state->imu().stamp_ns) > kStartPatience_s;
   std::vector<const Track*> tracks;
   for (const Track& track : store.tracks()) {
-    const bool usable = track.seen_now || waited_s > kStartPatience_s;
+    const bool usable = track.seen_now || impatient;
     if (usable && track.observations.size() >= 2) tracks.push_back(&track);
   }
   std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
@@ -318,7 +322,7 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   });
   glimpsed = vision->glimpse(*state, tracks);
   if (state->clones().back().keyframe && state->clones().size() >= 4) {
-    seeing = vision->start(*state, told(), tracks, waited_s, report);
+    seeing = vision->start(*state, told(), tracks, impatient, report);
   }
   if (!seeing) return;
   scale_known = false;

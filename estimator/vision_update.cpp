@@ -19,9 +19,11 @@ constexpr double kMaxBearingDepthError = 0.5;  // beyond it bearing noise alone 
 constexpr int kStartIterations = 8, kGlimpseIterations = 20;
 constexpr double kStartConverged = 1e-3;  // m and rad, largest change
 constexpr int kMinStartTracks = 20;
-constexpr double kMaxStartResidual = 2.0;     // median of tracks' mean squared residuals
-constexpr double kMaxStartDepthError = 0.08;  // median
-constexpr double kStartOutlier = 3.0;         // root mean square of a track's residuals, in sigma
+constexpr double kMaxStartResidual = 2.0;  // median of tracks' mean squared residuals
+// Median. Started sooner, linearised where the scale is wrong by a tenth, the parallax of every
+// track would be taken for news of the scale.
+constexpr double kMaxStartDepthError = 0.08;
+constexpr double kStartOutlier = 3.0;  // root mean square of a track's residuals, in sigma
 
 // Before the start: how far away things are taken to be at first (too far is safe: it claims to see
 // less of the motion than there is to see), how much that differs from place to place (factor e),
@@ -34,13 +36,6 @@ constexpr double kMaxGlimpseResidual = 1.25;
 // As many as an update may use, but never too few to tell anything.
 int max_glimpse_tracks(const EstimatorConfig& config) {
   return std::max(config.max_msckf_features, kMinStartTracks);
-}
-
-// How well depths must be known. Started sooner, linearised where the scale is wrong by a tenth,
-// the parallax of every track would be taken for news of the scale. But the IMU alone forgets the
-// scale that the initial velocity tells, and slow flight does not show it again.
-double max_start_depth_error(double waited_s) {
-  return waited_s > kStartPatience_s ? kMaxBearingDepthError : kMaxStartDepthError;
 }
 
 int window_columns(const State& state) {
@@ -424,7 +419,7 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
 }
 
 bool VisionUpdate::start(State& state, const State& guess, const std::vector<const Track*>& tracks,
-                         double waited_s, UpdateReport& report) {
+                         bool impatient, UpdateReport& report) {
   State current = guess;
   current.forget_first_estimates();
   const int columns = window_columns(state);
@@ -441,8 +436,9 @@ bool VisionUpdate::start(State& state, const State& guess, const std::vector<con
     if (change < kStartConverged) break;
   }
   const StartQuality quality = stack_for_start(current, tracks);
+  const double most = impatient ? kMaxBearingDepthError : kMaxStartDepthError;
   if (quality.tracks < kMinStartTracks || quality.median_squared_residual > kMaxStartResidual ||
-      !(quality.median_depth_error < max_start_depth_error(waited_s))) {
+      !(quality.median_depth_error < most)) {
     return false;
   }
   state = current;

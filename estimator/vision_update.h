@@ -19,8 +19,6 @@ namespace covey {
 
 // Of a track, before it says anything about the motion.
 constexpr std::size_t kMinObservations = 3;
-// Who waits longer for the first visual update makes it with whatever there is.
-constexpr double kStartPatience_s = 3;
 
 // What this drone knows of a landmark f = (x/z, y/z, 1/z) in its anchor's camera:
 //   r = H dx + R df + n
@@ -52,9 +50,9 @@ class VisionUpdate {
   // The first visual update: all tracks and all clones at once, iterated (Gauss-Newton on prior and
   // bearings), because before it neither depth nor scale is known and one linearisation would be
   // wrong for good. `guess`: where to begin, of the same window. Commits and returns true only when
-  // depths have become known, or it has waited long enough, and the tracks agree.
+  // depths have become known, or it is `impatient`, and the tracks agree.
   [[nodiscard]] bool start(State& state, const State& guess,
-                           const std::vector<const Track*>& tracks, double waited_s,
+                           const std::vector<const Track*>& tracks, bool impatient,
                            UpdateReport& report);
 
   // Before the start: the state as the tracks have it if what is in sight lies about equally far
