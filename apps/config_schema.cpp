@@ -253,6 +253,8 @@ void visit_standing_still(EstimatorConfig& estimator, ConfigVisitor& v) {
   v.flag("zero_velocity_updates", estimator.zero_velocity_updates, "when standing still");
   v.number("still_window_s", estimator.still_window_s, {0.01, 10}, "[s]");
   v.number("still_parallax", estimator.still_parallax, {0, 1}, "normalised plane, over the window");
+  v.number("still_drift", estimator.still_drift, {0, 1},
+           "normalised plane, over two seconds, rotation included");
   v.number("still_gyro", estimator.still_gyro, {0, 10}, "[rad/s] change over the window");
   v.number("still_accel", estimator.still_accel, {0, 100}, "[m/s2] change over the window");
   v.number("still_velocity_sigma", estimator.still_velocity_sigma, {1e-9, 10}, "[m/s]");

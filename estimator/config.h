@@ -69,6 +69,7 @@ struct EstimatorConfig {
   bool zero_velocity_updates = true;
   double still_window_s = 0.4;         // s
   double still_parallax = 0.0005;      // normalised plane, median over the window, beyond noise
+  double still_drift = 0.005;          // the same over two seconds, rotation included
   double still_gyro = 0.03;            // rad/s, change of the mean between the window's halves
   double still_accel = 0.1;            // m/s2, the same
   double still_velocity_sigma = 0.02;  // m/s

@@ -528,7 +528,7 @@ void Estimator::Impl::look_again(UpdateReport& report) {
     ++report.slam_lost;
   }
   seeing = false;
-  waiting_since_ns = state->imu().stamp_ns;
+  waiting_since_ns = healthy_ns;
 }
 
 // Starts anew from the last healthy state and what the IMU has told since then, with the covariance
@@ -583,9 +583,9 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   }
   report.propagated = true;
   const TrackList tracks = sorted_by_id(measurement.tracks);
-  self.stillness.add_image(stamp_ns, tracks, self.config.still_window_s);
+  self.stillness.add_image(stamp_ns, tracks, self.config);
   if (self.config.zero_velocity_updates && !interval.empty() &&
-      self.stillness.visually_still(self.config.still_window_s, self.config.still_parallax) &&
+      self.stillness.visually_still(self.config) &&
       inertially_still(self.imu.last(stamp_ns, self.config.still_window_s), self.config,
                        self.state->imu().gyro_bias)) {
     report.zero_velocity =

@@ -2,6 +2,7 @@
 #include "estimator/zero_velocity.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -68,6 +69,22 @@ double usual_sigma(const TrackList& tracks) {
 
 constexpr std::size_t kMinSamples = 20;
 constexpr std::size_t kMinShared = 15;
+constexpr double kPast_s = 2, kPastEvery_s = 0.2;  // images of the past that are kept
+
+ViewChange turned_views(const TrackList& first, const TrackList& last,
+                        const Eigen::Matrix3d& R_first_last) {
+  return compare_views(first, {Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()}, last,
+                       {R_first_last, Eigen::Vector3d::Zero()});
+}
+
+bool enough(const ViewChange& change, const TrackList& last) {
+  return change.shared * static_cast<double>(last.size()) >= kMinShared;
+}
+
+// Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
+double with_noise(double limit, const TrackList& tracks) {
+  return std::hypot(limit, 1.67 * usual_sigma(tracks));
+}
 
 }  // namespace
 
@@ -86,26 +103,37 @@ bool inertially_still(const std::vector<ImuSample>& window, const EstimatorConfi
          (late.gyro - gyro_bias).norm() < 5 * config.still_gyro;
 }
 
-void StillnessDetector::add_image(TimeNs stamp_ns, const TrackList& tracks, double window_s) {
-  images_.push_back({stamp_ns, tracks});
-  while (images_.size() > 1 && seconds_between(images_[1].stamp_ns, stamp_ns) >= window_s) {
-    images_.pop_front();
+void StillnessDetector::add_image(TimeNs stamp_ns, const TrackList& tracks,
+                                  const EstimatorConfig& config) {
+  if (past_.empty() || seconds_between(past_.back().stamp_ns, stamp_ns) >= kPastEvery_s) {
+    past_.push_back({stamp_ns, tracks});
+  }
+  while (seconds_between(past_.front().stamp_ns, stamp_ns) > kPast_s) past_.pop_front();
+  window_.push_back({stamp_ns, tracks});
+  while (window_.size() > 1 &&
+         seconds_between(window_[1].stamp_ns, stamp_ns) >= config.still_window_s) {
+    window_.pop_front();
   }
 }
 
-bool StillnessDetector::visually_still(double window_s, double limit) const {
-  if (images_.size() < 2 || images_.back().tracks.empty()) return false;
-  const Image& first = images_.front();
-  const Image& last = images_.back();
-  if (seconds_between(first.stamp_ns, last.stamp_ns) < window_s) return false;
-  CameraPose before{Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()};
-  CameraPose now = before;
-  now.R_world_cam = fitted_rotation(first.tracks, last.tracks);
-  const ViewChange change = compare_views(first.tracks, before, last.tracks, now);
-  // Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
-  const double noise = 1.67 * usual_sigma(last.tracks);
-  return change.shared * static_cast<double>(last.tracks.size()) >= kMinShared &&
-         change.parallax < std::hypot(limit, noise);
+bool StillnessDetector::visually_still(const EstimatorConfig& config) const {
+  if (window_.size() < 2 || window_.back().tracks.empty()) return false;
+  const Image& first = window_.front();
+  const Image& last = window_.back();
+  if (seconds_between(first.stamp_ns, last.stamp_ns) < config.still_window_s) return false;
+  const Eigen::Matrix3d R_first_last = fitted_rotation(first.tracks, last.tracks);
+  const ViewChange change = turned_views(first.tracks, last.tracks, R_first_last);
+  return enough(change, last.tracks) &&
+         change.parallax < with_noise(config.still_parallax, last.tracks) &&
+         came_back(with_noise(config.still_drift, last.tracks));
+}
+
+bool StillnessDetector::came_back(double limit) const {
+  const TrackList& last = window_.back().tracks;
+  return std::all_of(past_.begin(), past_.end(), [&](const Image& image) {
+    const ViewChange change = turned_views(image.tracks, last, Eigen::Matrix3d::Identity());
+    return !enough(change, last) || change.parallax < limit;
+  });
 }
 
 StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,

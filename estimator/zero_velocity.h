@@ -22,17 +22,22 @@ namespace covey {
 // Remembers recent images and tells whether the tracks stood still over the window.
 class StillnessDetector {
  public:
-  void add_image(TimeNs stamp_ns, const TrackList& tracks, double window_s);
-  // Needs a whole window of images; median motion of shared tracks below `limit`.
-  [[nodiscard]] bool visually_still(double window_s, double limit) const;
-  void clear() { images_.clear(); }
+  void add_image(TimeNs stamp_ns, const TrackList& tracks, const EstimatorConfig& config);
+  // Needs a whole window of images. Median motion of shared tracks over it, rotation taken out,
+  // below `still_parallax`; and since each image kept of the last seconds, as it was seen, below
+  // `still_drift`: above level ground flying sideways looks like turning, but who hovers comes
+  // back.
+  [[nodiscard]] bool visually_still(const EstimatorConfig& config) const;
+  void clear() { *this = {}; }
 
  private:
   struct Image {
     TimeNs stamp_ns;
     TrackList tracks;
   };
-  std::deque<Image> images_;
+  [[nodiscard]] bool came_back(double limit) const;
+
+  std::deque<Image> window_, past_;
 };
 
 // Pseudo-measurements: velocity is zero, the gyro shows its bias, the accelerometer gravity and

@@ -89,7 +89,7 @@ StillnessDetector watched(double motion, const TrackList& like) {
       track.bearing +=
           motion * image / 10 * Eigen::Vector2d(std::cos(direction), std::sin(direction));
     }
-    detector.add_image(nanoseconds(0.1 * image), tracks, 0.4);
+    detector.add_image(nanoseconds(0.1 * image), tracks, config());
   }
   return detector;
 }
@@ -104,30 +104,49 @@ TrackList grid(double sigma) {
   return tracks;
 }
 
-constexpr double kWindow_s = 0.4, kLimit = 0.0005;  // as configured
-
 TEST(StillnessDetector, TellsStandingFromMoving) {
-  EXPECT_TRUE(watched(0, grid(1e-4)).visually_still(kWindow_s, kLimit));
-  EXPECT_TRUE(watched(0.001, grid(1e-4)).visually_still(kWindow_s, kLimit)) << "0.0004 in a window";
-  EXPECT_FALSE(watched(0.01, grid(1e-4)).visually_still(kWindow_s, kLimit));
-  EXPECT_TRUE(watched(0.01, grid(1e-2)).visually_still(kWindow_s, kLimit)) << "may be noise";
+  EXPECT_TRUE(watched(0, grid(1e-4)).visually_still(config()));
+  EXPECT_TRUE(watched(0.001, grid(1e-4)).visually_still(config())) << "0.0004 in a window";
+  EXPECT_FALSE(watched(0.01, grid(1e-4)).visually_still(config()));
+  EXPECT_TRUE(watched(0.01, grid(1e-2)).visually_still(config())) << "may be noise";
 }
 
 TEST(StillnessDetector, NeedsAWindowOfImagesWithTracks) {
   StillnessDetector detector;
-  EXPECT_FALSE(detector.visually_still(kWindow_s, kLimit));
+  EXPECT_FALSE(detector.visually_still(config()));
   for (const double time_s : {0.0, 0.1, 0.2}) {
-    detector.add_image(nanoseconds(time_s), grid(1e-4), kWindow_s);
+    detector.add_image(nanoseconds(time_s), grid(1e-4), config());
   }
-  EXPECT_FALSE(detector.visually_still(kWindow_s, kLimit)) << "too short";
-  EXPECT_FALSE(watched(0, {}).visually_still(kWindow_s, kLimit)) << "nothing to be seen";
+  EXPECT_FALSE(detector.visually_still(config())) << "too short";
+  EXPECT_FALSE(watched(0, {}).visually_still(config())) << "nothing to be seen";
+}
+
+// Above level ground, so high that a small step sideways looks like a turn.
+TEST(StillnessDetector, FlyingSidewaysAboveLevelGroundIsNotHovering) {
+  constexpr double kHeight_m = 6.5;
+  const auto at = [&](double x_m) {
+    TrackList tracks = grid(1e-4);
+    for (TrackObservation& track : tracks) track.bearing.x() -= x_m / kHeight_m;
+    return tracks;
+  };
+  StillnessDetector flies, hovers;
+  for (int image = 0; image < 60; ++image) {
+    const double time_s = image / 30.0;
+    flies.add_image(nanoseconds(time_s), at(0.02 * time_s), config());
+    hovers.add_image(nanoseconds(time_s), at(0.005 * std::sin(5 * time_s)), config());
+  }
+  EXPECT_FALSE(flies.visually_still(config()));
+  EXPECT_TRUE(hovers.visually_still(config()));
+  EstimatorConfig anywhere = config();
+  anywhere.still_drift = 1;
+  EXPECT_TRUE(flies.visually_still(anywhere)) << "which is what this is about";
 }
 
 // The first of the tracks is much less sure than all others.
 TEST(StillnessDetector, OneTrackDoesNotSpeakForTheNoiseOfAll) {
   TrackList tracks = grid(1e-4);
   tracks.front().covariance *= 1e4;
-  EXPECT_FALSE(watched(0.01, tracks).visually_still(kWindow_s, kLimit));
+  EXPECT_FALSE(watched(0.01, tracks).visually_still(config()));
 }
 
 }  // namespace
