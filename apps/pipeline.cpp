@@ -9,6 +9,7 @@
 #include "apps/grey_image.h"
 #include "apps/process_usage.h"
 #include "apps/vocabulary_file.h"
+#include "estimator/calibration_sigma.h"
 #include "estimator/relative_pose.h"
 #include "estimator/so3.h"
 
@@ -24,21 +25,6 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
     estimator.extrinsics.time_offset_s = -config.thermal.time_constant_s;
   }
   return estimator;
-}
-
-CalibrationSigma sigma_at_start(const EstimatorConfig& config) {
-  CalibrationSigma sigma;
-  if (config.calibrate_extrinsics) {
-    sigma.p_imu_cam.setConstant(config.extrinsics_sigma_m);
-    sigma.theta_imu_cam.setConstant(config.extrinsics_sigma_rad);
-  }
-  if (config.calibrate_time_offset) sigma.time_offset_s = config.time_offset_sigma_s;
-  if (config.calibrate_intrinsics) {
-    sigma.intrinsics.head<2>().setConstant(config.focal_length_sigma);
-    sigma.intrinsics.segment<2>(2).setConstant(config.principal_point_sigma);
-    sigma.intrinsics.tail<2>().setConstant(config.distortion_sigma);
-  }
-  return sigma;
 }
 
 TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& sensors) {
@@ -102,7 +88,8 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
       lag_estimator_(config.thermal.pixel_lag),
       tracker_(tracker_config(config, sensors), sensors.camera),
       estimator_(estimator_config(config, sensors), thread_cpu_ms),
-      calibration_at_start_{camera_, estimator_.extrinsics(), sigma_at_start(config.estimator)} {
+      calibration_at_start_{camera_, estimator_.extrinsics(),
+                            calibration_sigma_at_start(config.estimator)} {
   status_.agent = config.agent.name;
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,

@@ -8,13 +8,14 @@
 #include <optional>
 #include <utility>
 
+#include "estimator/filter_health.h"
 #include "estimator/imu_buffer.h"
-#include "estimator/imu_transition.h"
 #include "estimator/keyframe_policy.h"
 #include "estimator/median.h"
 #include "estimator/observation_model.h"
 #include "estimator/peer_update.h"
 #include "estimator/so3.h"
+#include "estimator/state_snapshot.h"
 #include "estimator/vision_update.h"
 #include "estimator/zero_velocity.h"
 
@@ -42,8 +43,6 @@ ImuState initial_imu(const InitialState& start) {
   return {start.stamp_ns, start.pose, start.v_world_imu, start.gyro_bias, start.accel_bias};
 }
 
-constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
-constexpr std::size_t kEnoughTracks = 20;  // to see with
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
 // Who waits longer for the first visual update makes it with whatever there is: the IMU alone
@@ -78,64 +77,6 @@ int grid_cell(const Eigen::Vector2d& bearing) {
   return index(bearing.x()) * kGrid + index(bearing.y());
 }
 
-// Appends to FilterSnapshot::state.
-class StateWriter {
- public:
-  explicit StateWriter(Eigen::VectorXd& state) : state_(state) {}
-  StateWriter& operator<<(const Eigen::Vector3d& v) {
-    state_.segment<3>(next_) = v;
-    next_ += 3;
-    return *this;
-  }
-  StateWriter& operator<<(const Eigen::Quaterniond& q) {
-    state_.segment<4>(next_) = q.coeffs();
-    next_ += 4;
-    return *this;
-  }
-  StateWriter& operator<<(double value) {
-    state_[next_++] = value;
-    return *this;
-  }
-
- private:
-  Eigen::VectorXd& state_;
-  Eigen::Index next_ = 0;
-};
-
-// Where the rest stands in the error state.
-std::vector<int> without_intrinsics(const State& state) {
-  std::vector<int> rest;
-  for (int i = 0; i < state.dimension(); ++i) {
-    const int within = i - state.intrinsics_offset();
-    if (state.intrinsics_offset() < 0 || within < 0 || within >= kIntrinsicsSize) rest.push_back(i);
-  }
-  return rest;
-}
-
-FilterSnapshot snapshot_of(const State& state) {
-  const ImuState& imu = state.imu();
-  FilterSnapshot out;
-  out.stamp_ns = imu.stamp_ns;
-  out.state.resize(
-      static_cast<Eigen::Index>(24 + 7 * state.clones().size() + 3 * state.landmarks().size()));
-  StateWriter writer(out.state);
-  writer << imu.pose.p_world_imu << imu.v_world_imu << imu.pose.q_world_imu << imu.gyro_bias
-         << imu.accel_bias;
-  const CameraExtrinsics& extrinsics = state.extrinsics();
-  writer << extrinsics.p_imu_cam << extrinsics.q_imu_cam << extrinsics.time_offset_s;
-  for (const Clone& clone : state.clones())
-    writer << clone.pose.p_world_imu << clone.pose.q_world_imu;
-  for (const SlamLandmark& landmark : state.landmarks()) {
-    writer << landmark.inverse_depth;
-    out.landmark_tracks.push_back(landmark.track_id);
-    out.landmark_anchors.push_back(static_cast<std::uint8_t>(state.find_clone(landmark.anchor_id)));
-  }
-  const Eigen::MatrixXd covariance = state.covariance().selfadjointView<Eigen::Lower>();
-  const std::vector<int> told = without_intrinsics(state);
-  out.covariance = covariance(told, told);
-  return out;
-}
-
 }  // namespace
 
 struct Estimator::Impl {
@@ -161,11 +102,8 @@ struct Estimator::Impl {
   SharedKeyframe shared_keyframe(const State& trial, const KeyframeMatch& match,
                                  const std::vector<const Track*>& tracks, PeerReport& report);
   PeerReport fuse(const KeyframeMatch& match);
-  void degrade_if_blind(TimeNs stamp_ns);
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
-  void carry_healthy(const std::vector<ImuSample>& interval);
-  void watch_health(TimeNs stamp_ns, std::size_t tracks, const std::vector<ImuSample>& interval,
-                    UpdateReport& report);
+  void apply(Remedy remedy, UpdateReport& report);
   void look_again(UpdateReport& report);
   void restart(UpdateReport& report);
 
@@ -184,9 +122,7 @@ struct Estimator::Impl {
   bool seeing = false;          // the first visual update has been made
   TimeNs waiting_since_ns = 0;  // for it
   bool scale_known = false;     // since then
-  FilterStatus status = FilterStatus::kUninitialized;
-  TimeNs healthy_ns = 0;
-  CoreState healthy;     // the state as it was then, carried on by the IMU alone
+  FilterHealth health;
   UpdateReport pending;  // counts of IMU trouble until the next image
 };
 
@@ -201,9 +137,7 @@ void Estimator::Impl::start(const State& initial) {
   reference_id = 0;
   seeing = false;
   waiting_since_ns = state->imu().stamp_ns;
-  status = FilterStatus::kTracking;
-  healthy_ns = state->imu().stamp_ns;
-  healthy = state->core();
+  health.begin(*state);
 }
 
 std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
@@ -475,67 +409,42 @@ PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
   return report;
 }
 
-void Estimator::Impl::degrade_if_blind(TimeNs stamp_ns) {
-  if (seconds_between(healthy_ns, stamp_ns) >= kDegradedAfter_s) status = FilterStatus::kDegraded;
-}
-
 // Older than the state, or the IMU does not reach it: the state stays where it is, but without IMU
 // that is not where the drone is.
 void Estimator::Impl::refuse_image(TimeNs stamp_ns, UpdateReport& report) {
   ++report.out_of_order;
   ++report.images_refused;
-  degrade_if_blind(stamp_ns);
+  health.miss(stamp_ns);
 }
 
-// Over an interval at whose end the state itself is not believed.
-void Estimator::Impl::carry_healthy(const std::vector<ImuSample>& interval) {
-  if (!interval.empty()) healthy = dead_reckoned(healthy, interval, config);
-}
-
-// Lost: most features contradict the state or updates fail for seconds, no feature is accepted
-// though there are many, or the motion is impossible.
-void Estimator::Impl::watch_health(TimeNs stamp_ns, std::size_t tracks,
-                                   const std::vector<ImuSample>& interval, UpdateReport& report) {
-  const int used = report.slam_used + report.msckf_used;
-  const int gated = report.slam_gated + report.msckf_gated;
-  const bool finite = state->imu().pose.p_world_imu.allFinite() &&
-                      state->imu().pose.q_world_imu.coeffs().allFinite();
-  const bool possible = finite && state->imu().v_world_imu.norm() < config.max_velocity &&
-                        (state->covariance().diagonal().array() >= 0).all();
-  const bool failed = report.failed_updates > 0;
-  if (possible && !failed && (report.zero_velocity || (used > 0 && used >= gated))) {
-    healthy_ns = stamp_ns;
-    healthy = state->core();
-    status = FilterStatus::kTracking;
-    return;
-  }
-  carry_healthy(interval);
-  const double blind_s = seconds_between(healthy_ns, stamp_ns);
-  if (possible && blind_s < kDegradedAfter_s) return;
-  status = FilterStatus::kDegraded;
-  if (!possible || ((failed || gated > used) && blind_s > config.lost_after_s)) {
-    restart(report);
-  } else if (seeing && tracks >= kEnoughTracks && blind_s > config.lost_after_s) {
-    look_again(report);
+void Estimator::Impl::apply(Remedy remedy, UpdateReport& report) {
+  switch (remedy) {
+    case Remedy::kNone:
+      break;
+    case Remedy::kLookAgain:
+      look_again(report);
+      break;
+    case Remedy::kRestart:
+      restart(report);
+      break;
   }
 }
 
-// Nothing is accepted any more because the poses have become too uncertain for one linearisation:
-// the next visual update is a batch again, from the present state and covariance.
+// The next visual update is a batch again, from the present state and covariance.
 void Estimator::Impl::look_again(UpdateReport& report) {
   for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
     state->remove_landmark(i);
     ++report.slam_lost;
   }
   seeing = false;
-  waiting_since_ns = healthy_ns;
+  waiting_since_ns = health.healthy_ns();
 }
 
 // Starts anew from the last healthy state and what the IMU has told since then, with the covariance
 // that this has: what bearings have made of the state in between is not believed.
 void Estimator::Impl::restart(UpdateReport& report) {
-  start(State(config, healthy));
-  status = FilterStatus::kLost;
+  start(State(config, health.healthy()));
+  health.restarted();
   report.reinitialized = true;
 }
 
@@ -602,7 +511,9 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   }
   report.propagate_ms = self.now_ms() - start;
   self.update(tracks, report);
-  self.watch_health(stamp_ns, tracks.size(), interval, report);
+  self.apply(
+      self.health.watch(*self.state, report, tracks.size(), self.seeing, interval, self.config),
+      report);
   report.clones = static_cast<int>(self.state->clones().size());
   report.slam_features = static_cast<int>(self.state->landmarks().size());
   return report;
@@ -618,8 +529,7 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
   report.propagated = !interval.empty();
   if (report.propagated) {
-    self.carry_healthy(interval);
-    self.degrade_if_blind(stamp_ns);
+    self.health.pass(stamp_ns, interval, self.config);
   } else {
     self.refuse_image(stamp_ns, report);
   }
@@ -640,7 +550,7 @@ PeerReport Estimator::add_peer(const KeyframeMatch& match) {
 
 Odometry Estimator::odometry() const {
   Odometry odometry;
-  odometry.status = impl_->status;
+  odometry.status = impl_->health.status();
   if (!impl_->state) return odometry;
   const State& state = impl_->told();
   const ImuState& imu = state.imu();

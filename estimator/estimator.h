@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "estimator/calibration_sigma.h"
 #include "estimator/config.h"
 #include "estimator/filter_snapshot.h"
 #include "estimator/measurements.h"
@@ -54,14 +55,6 @@ struct PeerReport {
 
 // A monotonic clock lent by the caller, so that the estimator itself never reads one. May be null.
 using StageClock = double (*)();  // ms
-
-// Standard deviations of what is calibrated in flight; zero where it is not.
-struct CalibrationSigma {
-  Eigen::Vector3d p_imu_cam = Eigen::Vector3d::Zero();      // m
-  Eigen::Vector3d theta_imu_cam = Eigen::Vector3d::Zero();  // rad
-  double time_offset_s = 0;
-  IntrinsicsError intrinsics = IntrinsicsError::Zero();
-};
 
 // The camera at an image: what its clone and the extrinsics say together.
 struct CameraEstimate {

@@ -7,12 +7,12 @@
 #include <cmath>
 #include <vector>
 
+#include "estimator/match_row.h"
 #include "estimator/so3.h"
 
 namespace covey {
 namespace {
 
-using Matrix37d = Eigen::Matrix<double, 3, 7>;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 
 constexpr int kIterations = 15;
@@ -23,49 +23,6 @@ constexpr double kOutlier = 9.21;    // chi-square, 2 degrees of freedom, 99 %
 constexpr double kCornerTail = kOutlier, kFoundTail = 1;
 constexpr double kUnknownRatio = 1;  // standard deviation of a log ratio of which nothing is known
 constexpr double kSureRatio = 0.02;  // less certain than that, it says nothing about odometry
-
-// One match seen by a hypothesis: residual of the own bearing and of the own inverse depth, its
-// covariance, and how it changes with [dp dtheta log_ratio]. Without an own depth its row says
-// nothing.
-struct Row {
-  bool in_front = false;
-  Eigen::Vector3d r = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
-  Matrix37d J = Matrix37d::Zero();
-};
-
-// q = R^T (a - rho p), the landmark in the own camera times rho: points far away need no care. The
-// own inverse depth is rho / q_z times the ratio.
-Row linearize(const Eigen::Isometry3d& T_other_own, double log_ratio, const LandmarkMatch& match) {
-  Row row;
-  const Eigen::Matrix3d Rt = T_other_own.linear().transpose();
-  const Eigen::Vector3d& p = T_other_own.translation();
-  const double rho = match.inverse_depth;
-  const Eigen::Vector3d turned = match.other_bearing.homogeneous() - rho * p;
-  const Eigen::Vector3d q = Rt * turned;
-  row.in_front = q.z() > 1e-3;
-  if (!row.in_front) return row;
-  Eigen::Matrix3d J_q = Eigen::Matrix3d::Zero();
-  J_q.topRows<2>() << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
-  J_q.topRows<2>() /= q.z();
-  row.covariance.topLeftCorner<2, 2>() = match.bearing_covariance;
-  Eigen::Vector3d J_rho = Eigen::Vector3d::Zero();  // but for what q changes with it
-  row.r.head<2>() = match.bearing - q.hnormalized();
-  if (match.own_inverse_depth > 0) {
-    const double expected = rho / q.z() * std::exp(log_ratio);
-    row.r.z() = match.own_inverse_depth - expected;
-    J_q(2, 2) = -expected / q.z();
-    J_rho.z() = expected / rho;
-    row.J(2, 6) = expected;
-    row.covariance(2, 2) = match.own_inverse_depth_sigma * match.own_inverse_depth_sigma;
-  }
-  const Eigen::Matrix3d J_turned = J_q * Rt;
-  row.J.leftCols<3>() = -rho * J_turned;
-  row.J.middleCols<3>(3) = J_turned * skew(turned);
-  const Eigen::Vector3d by_depth = (J_rho - J_turned * p) * match.inverse_depth_sigma;
-  row.covariance += by_depth * by_depth.transpose();
-  return row;
-}
 
 struct Sightings {
   const std::vector<LandmarkMatch>& landmarks;
@@ -96,7 +53,7 @@ Normal accumulate(const Sightings& sightings, const Hypothesis& hypothesis, doub
   normal.A(6, 6) = 1 / (kUnknownRatio * kUnknownRatio);
   normal.b(6) = -hypothesis.log_ratio * normal.A(6, 6);
   for (const LandmarkMatch& landmark : sightings.landmarks) {
-    const Row row = linearize(hypothesis.T_other_own, hypothesis.log_ratio, landmark);
+    const MatchRow row = match_row(hypothesis.T_other_own, hypothesis.log_ratio, landmark);
     if (!row.in_front) continue;
     const Eigen::Matrix3d W = row.covariance.inverse();
     const double distance = row.r.dot(W * row.r);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cassert>
 
+#include "estimator/calibration_sigma.h"
 #include "estimator/imu_transition.h"
 #include "estimator/so3.h"
 
@@ -38,21 +39,16 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
   P_.setZero(capacity, capacity);
   dimension_ = kImuSize + calibration_size_;
   P_.topLeftCorner<kImuSize, kImuSize>() = imu_covariance;
-  const auto variance = [](double sigma) { return sigma * sigma; };
+  const CalibrationSigma sigma = calibration_sigma_at_start(config);
   if (extrinsics_offset_ >= 0) {
-    P_.diagonal().segment<3>(extrinsics_offset_).setConstant(variance(config.extrinsics_sigma_m));
-    P_.diagonal()
-        .segment<3>(extrinsics_offset_ + 3)
-        .setConstant(variance(config.extrinsics_sigma_rad));
+    P_.diagonal().segment<3>(extrinsics_offset_) = sigma.p_imu_cam.cwiseAbs2();
+    P_.diagonal().segment<3>(extrinsics_offset_ + 3) = sigma.theta_imu_cam.cwiseAbs2();
   }
   if (time_offset_offset_ >= 0) {
-    P_(time_offset_offset_, time_offset_offset_) = variance(config.time_offset_sigma_s);
+    P_(time_offset_offset_, time_offset_offset_) = sigma.time_offset_s * sigma.time_offset_s;
   }
   if (intrinsics_offset_ >= 0) {
-    auto variances = P_.diagonal().segment<kIntrinsicsSize>(intrinsics_offset_);
-    variances.head<2>().setConstant(variance(config.focal_length_sigma));
-    variances.segment<2>(2).setConstant(variance(config.principal_point_sigma));
-    variances.tail<2>().setConstant(variance(config.distortion_sigma));
+    P_.diagonal().segment<kIntrinsicsSize>(intrinsics_offset_) = sigma.intrinsics.cwiseAbs2();
   }
   clones_.reserve(static_cast<std::size_t>(config.max_clones) + kSpareClones);
   landmarks_.reserve(static_cast<std::size_t>(config.max_slam_features));
