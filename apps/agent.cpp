@@ -435,6 +435,8 @@ AgentSummary Agent::summary() const {
   if (pipeline_.start_ns()) {
     summary.initialised_after_s =
         seconds_between(dataset_.images.front().stamp_ns, *pipeline_.start_ns());
+  } else {
+    summary.not_started = pipeline_.not_started();
   }
   summary.max_rss_mib = peak_rss_mib();
   if (link_ && summary.max_rss_mib)
@@ -488,7 +490,7 @@ namespace {
 
 nlohmann::json level_frame_json(const Eigen::Isometry3d& frame) {
   const Eigen::Vector3d& p = frame.translation();
-  const double yaw = yaw_of(Eigen::Quaterniond(frame.linear()));
+  const double yaw = heading_of(Eigen::Quaterniond(frame.linear()));
   return {{"position_m", {p.x(), p.y(), p.z()}}, {"yaw_deg", yaw * 180 / M_PI}};
 }
 

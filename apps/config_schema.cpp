@@ -41,7 +41,9 @@ void visit_initialisation(InitialisationConfig& start, ConfigVisitor& v) {
   v.number("x_m", start.p_world_imu.x(), {-1e6, 1e6}, "[m] static start without ground truth");
   v.number("y_m", start.p_world_imu.y(), {-1e6, 1e6}, "[m] static start without ground truth");
   v.number("z_m", start.p_world_imu.z(), {-1e6, 1e6}, "[m] static start without ground truth");
-  v.angle("yaw_deg", start.yaw, {-360, 360}, "[deg] static start without ground truth");
+  v.angle("yaw_deg", start.yaw, {-360, 360},
+          "[deg] static start without ground truth: heading of the IMU's x axis, or of its z axis "
+          "where x points up or down");
   v.flag("own_world", start.own_world,
          "start at the origin of a world of the own; see fusion.common_start");
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/initialisation.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <stdexcept>
 #include <utility>
 
@@ -42,18 +44,21 @@ std::variant<InitialState, NotStill> Initialisation::from_truth(TimeNs imu_stamp
 
 std::variant<InitialState, NotStill> Initialisation::from_standing_still(
     TimeNs imu_stamp_ns, const std::vector<ImuSample>& imu) const {
-  Eigen::Vector3d p_world_imu = config_.p_world_imu;
-  double yaw = config_.yaw;
-  if (truth_) {
-    const TrueState known = ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front());
-    p_world_imu = known.pose.p_world_imu;
-    yaw = yaw_of(known.pose.q_world_imu);
-  }
   std::variant<InitialState, NotStill> result =
-      static_initialization(imu, p_world_imu, yaw, static_);
-  if (auto* start = std::get_if<InitialState>(&result)) {
-    start->position_sigma = config_.position_sigma;
-    start->yaw_sigma = config_.yaw_sigma;
+      static_initialization(imu, config_.p_world_imu, config_.yaw, static_);
+  if (const auto* not_still = std::get_if<NotStill>(&result)) {
+    return NotStill{
+        fmt::format("a drone that starts from standing still has to do so for {} s ({})",
+                    static_.window_s, not_still->reason)};
+  }
+  auto* start = std::get_if<InitialState>(&result);
+  start->position_sigma = config_.position_sigma;
+  start->yaw_sigma = config_.yaw_sigma;
+  if (truth_) {
+    const Pose known = ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front()).pose;
+    start->pose.p_world_imu = known.p_world_imu;
+    start->pose.q_world_imu = turned_about_z(
+        yaw_between(start->pose.q_world_imu, known.q_world_imu), start->pose.q_world_imu);
   }
   return result;
 }
@@ -61,7 +66,7 @@ std::variant<InitialState, NotStill> Initialisation::from_standing_still(
 Eigen::Isometry3d level_frame_at(const Pose& pose) {
   Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();
   frame.linear() =
-      Eigen::AngleAxisd(yaw_of(pose.q_world_imu), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      Eigen::AngleAxisd(heading_of(pose.q_world_imu), Eigen::Vector3d::UnitZ()).toRotationMatrix();
   frame.translation() = pose.p_world_imu;
   return frame;
 }

@@ -220,11 +220,14 @@ void Pipeline::start_if_possible(TimeNs stamp_ns) {
     if (sample.stamp_ns <= moment_ns) until_image.push_back(sample);
   }
   const auto start = initialisation_.start_at(moment_ns, until_image);
-  if (const auto* state = std::get_if<InitialState>(&start)) {
-    if (config_.initialisation.own_world) own_world_ = level_frame_at(state->pose);
-    estimator_.initialize(seen_from(own_world_, *state));
-    start_ns_ = stamp_ns;
+  if (const auto* not_yet = std::get_if<NotStill>(&start)) {
+    not_started_ = not_yet->reason;
+    return;
   }
+  const auto& state = std::get<InitialState>(start);
+  if (config_.initialisation.own_world) own_world_ = level_frame_at(state.pose);
+  estimator_.initialize(seen_from(own_world_, state));
+  start_ns_ = stamp_ns;
 }
 
 // Of an image without scene the turn is kept, and no samples: nobody knows how long that lasts.

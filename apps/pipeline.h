@@ -93,6 +93,8 @@ class Pipeline {
 
   [[nodiscard]] bool started() const { return start_ns_.has_value(); }
   [[nodiscard]] std::optional<TimeNs> start_ns() const { return start_ns_; }
+  // Why not, at the newest image.
+  [[nodiscard]] const std::string& not_started() const { return not_started_; }
   [[nodiscard]] AgentStatus status() const;
   // For people who look: the newest image as it was tracked, each track's kind, and what is known
   // of a thermal camera (null for others).
@@ -159,6 +161,7 @@ class Pipeline {
   std::map<std::uint64_t, FilterSnapshot> filters_;  // at the keyframes, in the paper's exchange
   std::vector<ImuSample> recent_imu_;
   std::optional<TimeNs> previous_image_ns_, start_ns_;
+  std::string not_started_ = "no image has come";
   // From the newest image with a scene to the previous image, which may have had none.
   Eigen::Quaterniond q_scene_previous_ = Eigen::Quaterniond::Identity();
   Eigen::Isometry3d own_world_ = Eigen::Isometry3d::Identity();

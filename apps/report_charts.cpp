@@ -104,8 +104,6 @@ double yaw_sigma(const Pose& pose, const Matrix6d& covariance) {
   return std::sqrt(std::max(0.0, up_imu.dot(local * up_imu)));
 }
 
-double wrapped(double angle) { return std::remainder(angle, 2 * 3.14159265358979323846); }
-
 // An error and the filter's sigma of it, as numbers over time.
 struct ErrorChannel {
   std::string title;
@@ -128,8 +126,8 @@ std::vector<ErrorChannel> channels() {
   }
   list.push_back({"error in yaw", "degrees",
                   [](const PosePair& pair) {
-                    return kDegrees * wrapped(yaw_of(pair.estimate.q_world_imu) -
-                                              yaw_of(pair.truth.q_world_imu));
+                    return kDegrees *
+                           yaw_between(pair.truth.q_world_imu, pair.estimate.q_world_imu);
                   },
                   [](const PosePair& pair, const Matrix6d& covariance) {
                     return kDegrees * yaw_sigma(pair.estimate, covariance);

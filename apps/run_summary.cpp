@@ -228,6 +228,7 @@ AgentSummary agent_from(const Object& json) {
   agent.mean_track_length = tracks.optional<double>("mean_length");
   agent.link = link_from(json);
   if (json.has("alignments")) agent.alignments = alignments_from(json.child("alignments"));
+  if (json.has("not_started")) agent.not_started = json.get<std::string>("not_started");
   if (json.has("incomplete")) agent.incomplete = json.get<std::string>("incomplete");
   return agent;
 }
@@ -325,6 +326,7 @@ nlohmann::json to_json(const AgentSummary& agent) {
                                   {"yaw_sigma_deg", alignment.yaw_sigma_deg}};
     }
   }
+  if (agent.not_started) json["not_started"] = *agent.not_started;
   if (agent.incomplete) json["incomplete"] = *agent.incomplete;
   return json;
 }

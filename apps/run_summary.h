@@ -72,6 +72,8 @@ struct AlignmentSummary {
 struct AgentSummary {
   std::int64_t frames = 0, frames_dropped = 0;
   std::optional<double> initialised_after_s;
+  // Why it has not started by the end; the key exists only then.
+  std::optional<std::string> not_started;
   std::optional<double> distance_m;         // of the truth, or of the estimate without one
   std::optional<AccuracySummary> accuracy;  // empty without ground truth
   std::optional<double> cpu_ms_per_frame, max_rss_mib, max_cpu_percent;  // with the link's process

@@ -90,7 +90,8 @@ void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& su
   if (truth) truth = in_own_world(*std::move(truth), folder / kAgentSummaryFile);
   if (truth) write_tum(folder / kGroundTruthFile, *truth);
   if (estimate.empty()) {
-    spdlog::warn("{} left no trajectory: it had not started yet", drone.name);
+    spdlog::warn("{} left no trajectory: {}", drone.name,
+                 summary.not_started.value_or("it had not started yet"));
     return;
   }
   summary.distance_m = path_length_m(estimate);

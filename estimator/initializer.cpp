@@ -33,14 +33,26 @@ Statistics statistics(std::vector<ImuSample>::const_iterator begin,
 
 }  // namespace
 
-double yaw_of(const Eigen::Quaterniond& q_world_imu) {
+double heading_of(const Eigen::Quaterniond& q_world_imu) {
   const Eigen::Matrix3d R = q_world_imu.toRotationMatrix();
-  return std::atan2(R(1, 0), R(0, 0));
+  const int ahead = R.block<2, 1>(0, 0).squaredNorm() < 0.5 ? 2 : 0;
+  return std::atan2(R(1, ahead), R(0, ahead));
+}
+
+double yaw_between(const Eigen::Quaterniond& from_world_imu,
+                   const Eigen::Quaterniond& to_world_imu) {
+  const Eigen::Quaterniond turn = to_world_imu * from_world_imu.conjugate();
+  return std::remainder(2 * std::atan2(turn.z(), turn.w()), 2 * M_PI);
+}
+
+Eigen::Quaterniond turned_about_z(double yaw, const Eigen::Quaterniond& q_world_imu) {
+  const Eigen::Quaterniond turn(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()));
+  return (turn * q_world_imu).normalized();
 }
 
 std::variant<InitialState, NotStill> static_initialization(const std::vector<ImuSample>& samples,
                                                            const Eigen::Vector3d& p_world_imu,
-                                                           double yaw,
+                                                           double heading,
                                                            const StaticInitConfig& config) {
   if (samples.size() < 2 ||
       seconds_between(samples.front().stamp_ns, samples.back().stamp_ns) < config.window_s) {
@@ -58,14 +70,13 @@ std::variant<InitialState, NotStill> static_initialization(const std::vector<Imu
       std::abs(window.mean_accel.norm() - config.gravity) > config.max_gravity_error) {
     return NotStill{"accelerating"};
   }
-  // Smallest rotation that turns the measured up to the world's up, then the asked-for yaw.
+  // Smallest rotation that turns the measured up to the world's up, then the asked-for heading.
   const Eigen::Quaterniond level =
       Eigen::Quaterniond::FromTwoVectors(window.mean_accel, Eigen::Vector3d::UnitZ());
-  const Eigen::Quaterniond turn(Eigen::AngleAxisd(yaw - yaw_of(level), Eigen::Vector3d::UnitZ()));
   InitialState start;
   start.stamp_ns = samples.back().stamp_ns;
   start.pose.p_world_imu = p_world_imu;
-  start.pose.q_world_imu = (turn * level).normalized();
+  start.pose.q_world_imu = turned_about_z(heading - heading_of(level), level);
   start.gyro_bias = window.mean_gyro;
   start.gyro_bias_sigma = 0.005;
   start.tilt_sigma = 0.02;  // an accelerometer bias of 0.1 m/s2 tilts the horizon by 0.01 rad

@@ -26,13 +26,20 @@ struct NotStill {
   std::string reason;
 };
 
-// From the last `window_s` of samples. Position and yaw are unobservable: taken from `position` and
-// `yaw` (rad). Accelerometer bias starts at zero with its sigma.
+// From the last `window_s` of samples. Position and heading (rad) are unobservable: as given.
+// Accelerometer bias starts at zero with its sigma.
 [[nodiscard]] std::variant<InitialState, NotStill> static_initialization(
-    const std::vector<ImuSample>& samples, const Eigen::Vector3d& p_world_imu, double yaw,
+    const std::vector<ImuSample>& samples, const Eigen::Vector3d& p_world_imu, double heading,
     const StaticInitConfig& config);
 
-// Rotation about the world's z axis, rad.
-[[nodiscard]] double yaw_of(const Eigen::Quaterniond& q_world_imu);
+// Where the IMU's x axis points, rad about the world's z axis; its z axis, where x points up or
+// down (as EuRoC's does), within 45 degrees.
+[[nodiscard]] double heading_of(const Eigen::Quaterniond& q_world_imu);
+
+// Of the rotation about the world's z axis that takes `from` nearest to `to`, rad.
+[[nodiscard]] double yaw_between(const Eigen::Quaterniond& from_world_imu,
+                                 const Eigen::Quaterniond& to_world_imu);
+
+[[nodiscard]] Eigen::Quaterniond turned_about_z(double yaw, const Eigen::Quaterniond& q_world_imu);
 
 }  // namespace covey

@@ -116,6 +116,21 @@ TEST(Initialisation, StandingStillTakesPlaceAndYawFromTheTruthAndTheRestFromTheI
   EXPECT_EQ(state.v_world_imu.norm(), 0);
 }
 
+// EuRoC's IMU has its x axis up: a yaw of Euler's angles would be any.
+TEST(Initialisation, StandingStillTakesTheYawFromTheTruthHoweverTheImuIsMounted) {
+  Eigen::Matrix3d R_world_imu;
+  R_world_imu << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  GroundTruth truth = straight_flight();
+  for (TrueState& state : truth.states) state.pose.q_world_imu = Eigen::Quaterniond(R_world_imu);
+  std::vector<ImuSample> imu = turning(0, 1);
+  for (ImuSample& sample : imu) sample.accel_imu = {9.81, 0.1, -0.1};
+  InitialisationConfig config;
+  config.method = InitMethod::kStatic;
+  const Initialisation start(config, 9.81, truth);
+  const auto state = std::get<InitialState>(start.start_at(imu.back().stamp_ns, imu));
+  EXPECT_LT(state.pose.q_world_imu.angularDistance(Eigen::Quaterniond(R_world_imu)), 0.015);
+}
+
 TEST(Initialisation, StandingStillWithoutTruthStartsWhereTheConfigurationSays) {
   InitialisationConfig config;
   config.method = InitMethod::kStatic;

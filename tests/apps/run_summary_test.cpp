@@ -103,6 +103,13 @@ TEST(RunSummary, SaysWhyAFlightEndedEarlyAndOnlyThen) {
   EXPECT_FALSE(agents.at("uav0").contains("incomplete"));
 }
 
+TEST(RunSummary, SaysWhyADroneHasNotStartedAndOnlyThen) {
+  RunSummary run = example();
+  EXPECT_FALSE(to_json(run).at("agents").at("uav0").contains("not_started"));
+  run.agents["uav1"].not_started = "rotating";
+  EXPECT_EQ(run_summary_from_json(to_json(run), "run").agents.at("uav1").not_started, "rotating");
+}
+
 TEST(RunSummary, SaysWhyALinkWasStartedAnewAndOnlyThen) {
   RunSummary run = example();
   EXPECT_FALSE(to_json(run).at("agents").at("uav0").at("link").contains("restarts"));

@@ -132,11 +132,36 @@ TEST(StaticInitialization, FindsGravityAndGyroBias) {
   for (int i = 0; i <= 200; ++i) {
     samples.push_back({nanoseconds(0.005 * i), {0.01, -0.02, 0.03}, up_imu});
   }
-  const auto result = static_initialization(samples, {1, 2, 3}, yaw_of(q), {});
+  const auto result = static_initialization(samples, {1, 2, 3}, heading_of(q), {});
   const auto* start = std::get_if<InitialState>(&result);
   ASSERT_NE(start, nullptr);
   EXPECT_LT(start->pose.q_world_imu.angularDistance(q), 1e-9);
   EXPECT_LT((start->gyro_bias - Eigen::Vector3d(0.01, -0.02, 0.03)).norm(), 1e-12);
+}
+
+// Whichever way the IMU is mounted: its x axis ahead, upside down, up as EuRoC's, or down.
+TEST(StaticInitialization, AnAccelerometersBiasHardlyTurnsTheHeading) {
+  Eigen::Matrix3d ahead, below, up, down;
+  ahead << 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  below << 1, 0, 0, 0, -1, 0, 0, 0, -1;
+  up << 0, 0, 1, 0, -1, 0, 1, 0, 0;
+  down << 0, 0, 1, 0, 1, 0, -1, 0, 0;
+  constexpr double kHeading = 2.5, kTilt = 0.15 / 9.81;
+  for (const Eigen::Matrix3d& mounted : {ahead, below, up, down}) {
+    const Eigen::Quaterniond q = turned_about_z(kHeading, Eigen::Quaterniond(mounted));
+    const Eigen::Vector3d up_imu = q.conjugate() * Eigen::Vector3d(0, 0, 9.81);
+    EXPECT_NEAR(heading_of(q), kHeading, 1e-12);
+    std::vector<ImuSample> samples;
+    for (int i = 0; i <= 200; ++i) {
+      samples.push_back(
+          {nanoseconds(0.005 * i), {0, 0, 0}, up_imu + Eigen::Vector3d(0.1, -0.1, 0.05)});
+    }
+    const auto result = static_initialization(samples, {1, 2, 3}, kHeading, {});
+    const auto* start = std::get_if<InitialState>(&result);
+    ASSERT_NE(start, nullptr);
+    EXPECT_LT(start->pose.q_world_imu.angularDistance(q), kTilt) << mounted;
+    EXPECT_LT(std::abs(yaw_between(q, start->pose.q_world_imu)), kTilt * kTilt) << mounted;
+  }
 }
 
 TEST(StaticInitialization, RefusesWhatMoves) {
