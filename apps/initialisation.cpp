@@ -51,14 +51,14 @@ std::variant<InitialState, NotStill> Initialisation::from_standing_still(
         fmt::format("a drone that starts from standing still has to do so for {} s ({})",
                     static_.window_s, not_still->reason)};
   }
-  auto* start = std::get_if<InitialState>(&result);
-  start->position_sigma = config_.position_sigma;
-  start->yaw_sigma = config_.yaw_sigma;
+  auto& start = std::get<InitialState>(result);
+  start.position_sigma = config_.position_sigma;
+  start.yaw_sigma = config_.yaw_sigma;
   if (truth_) {
     const Pose known = ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front()).pose;
-    start->pose.p_world_imu = known.p_world_imu;
-    start->pose.q_world_imu = turned_about_z(
-        yaw_between(start->pose.q_world_imu, known.q_world_imu), start->pose.q_world_imu);
+    start.pose.p_world_imu = known.p_world_imu;
+    const double yaw = yaw_between(start.pose.q_world_imu, known.q_world_imu);
+    start.pose.q_world_imu = turned_about_z(yaw, start.pose.q_world_imu);
   }
   return result;
 }

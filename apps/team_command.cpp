@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/team_command.h"
 
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -63,13 +64,30 @@ std::vector<DroneFolder> chosen_drones(const Options& options) {
   return chosen;
 }
 
+std::vector<std::string> without_ground_truth(const std::vector<DroneFolder>& drones) {
+  std::vector<std::string> names;
+  for (const DroneFolder& drone : drones) {
+    const fs::path truth = drone.mav0 / "state_groundtruth_estimate0" / "data.csv";
+    if (!fs::exists(truth)) names.push_back(drone.name);
+  }
+  return names;
+}
+
 InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>& drones) {
   if (init == "static") return InitMethod::kStatic;
   if (init == "groundtruth") return InitMethod::kGroundTruth;
-  const bool all_known = std::all_of(drones.begin(), drones.end(), [](const DroneFolder& drone) {
-    return fs::exists(drone.mav0 / "state_groundtruth_estimate0" / "data.csv");
-  });
-  return all_known ? InitMethod::kGroundTruth : InitMethod::kStatic;
+  return without_ground_truth(drones).empty() ? InitMethod::kGroundTruth : InitMethod::kStatic;
+}
+
+// Drones that would believe each other's worlds to be their own.
+void warn_of_one_start(const TeamOptions& team) {
+  const std::vector<std::string> names = without_ground_truth(team.drones);
+  const bool apart = team.mode == FlightMode::kSolo || team.unknown_start;
+  if (apart || team.drones.size() < 2 || names.empty()) return;
+  spdlog::warn(
+      "{}: no ground truth, so taken to start where section initialisation says, one like the "
+      "other; where that is not so fly with --unknown-start",
+      joined(names));
 }
 
 void choose_pace(const std::string& pace, TeamOptions& team) {
@@ -147,6 +165,7 @@ TeamOptions team_options(const Options& options) {
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
   (void)agent_config(team, team.drones.front(), 0);
+  warn_of_one_start(team);
   return team;
 }
 

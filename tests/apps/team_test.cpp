@@ -18,6 +18,7 @@
 #include "apps/control_channel.h"
 #include "apps/free_domain.h"
 #include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
 
 namespace covey {
 namespace {
@@ -233,6 +234,23 @@ TEST_F(Team, ForceTakesAwayAllThatAnEarlierRunHasLeft) {
   CoveyProcess covey(command({"--mode", "solo", "--agents", "uav0", "--force"}));
   ASSERT_EQ(covey.finish(), 0) << covey.output();
   EXPECT_FALSE(fs::exists(run_ / "uav1"));
+}
+
+TEST_F(Team, DronesOfWhichNobodyKnowsWhereTheyStartAreNamed) {
+  const TemporaryFolder dataset;
+  for (const char* drone : {"uav0", "uav1"}) {
+    const fs::path recorded = fs::path(kDataset) / drone / "mav0";
+    const fs::path mav0 = dataset.path() / drone / "mav0";
+    fs::create_directories(mav0);
+    for (const char* sensor : {"cam0", "imu0"}) {
+      fs::create_directory_symlink(recorded / sensor, mav0 / sensor);
+    }
+  }
+  CoveyProcess covey({"team", dataset.path().string(), "--out", run_.string()});
+  EXPECT_TRUE(covey.wait_for("uav0, uav1: no ground truth")) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("fly with --unknown-start"));
+  covey.send(SIGINT);
+  covey.finish();
 }
 
 TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
