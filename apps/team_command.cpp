@@ -236,6 +236,14 @@ void fail_if_incomplete(const FlightResult& flight, const fs::path& run) {
   throw std::runtime_error(joined(who) + "; the results of the others are in " + run.string());
 }
 
+void fail_if_none_started(const RunSummary& run) {
+  const bool none = std::all_of(run.agents.begin(), run.agents.end(), [](const auto& agent) {
+    return agent.second.not_started.has_value();
+  });
+  if (!none || run.agents.empty()) return;
+  throw std::runtime_error("no drone has started: " + *run.agents.begin()->second.not_started);
+}
+
 void run(const Options& options) {
   const TeamOptions team = team_options(options);
   prepare_run(team.out, options.force);
@@ -258,6 +266,7 @@ void run(const Options& options) {
   std::printf("report: %s\n", report.c_str());
   std::fflush(stdout);
   fail_if_incomplete(flown.flight, team.out);
+  fail_if_none_started(flown.summary);
 }
 
 }  // namespace

@@ -266,6 +266,29 @@ TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
   fs::remove_all(broken);
 }
 
+TEST_F(Team, WhereNoDroneStartsThatIsAnErrorAndSaysWhy) {
+  const TemporaryFolder dataset;
+  fs::copy(kDataset, dataset.path(), fs::copy_options::recursive);
+  for (const char* drone : {"uav0", "uav1"}) {
+    const fs::path mav0 = dataset.path() / drone / "mav0";
+    const std::string images = file_content(mav0 / "cam0" / "data.csv");
+    const long long first_image_ns = std::stoll(images.substr(images.find('\n') + 1));
+    const fs::path file = mav0 / "state_groundtruth_estimate0" / "data.csv";
+    const std::string truth = file_content(file);
+    const std::size_t begins = truth.find('\n') + 1;
+    const std::size_t pose_begins = truth.find(',', begins);
+    const std::string pose = truth.substr(pose_begins, truth.find('\n', begins) + 1 - pose_begins);
+    // Between two images.
+    std::ofstream(file, std::ios::binary)
+        << truth.substr(0, begins) << first_image_ns + 1 << pose << first_image_ns + 2 << pose;
+  }
+  CoveyProcess covey({"team", dataset.path().string(), "--out", run_.string()});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(),
+              AllOf(HasSubstr("uav1 left no trajectory: the ground truth does not cover"),
+                    HasSubstr("covey: no drone has started: the ground truth does not cover")));
+}
+
 TEST_F(Team, UnknownDronesFlagsAndPacesAreBadUsage) {
   CoveyProcess drone(command({"--agents", "uav0,uav9"}));
   EXPECT_EQ(drone.finish(), 1);
