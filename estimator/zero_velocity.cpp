@@ -81,10 +81,9 @@ bool enough(const ViewChange& change, const TrackList& last) {
   return change.shared * static_cast<double>(last.size()) >= kMinShared;
 }
 
-// Noise alone moves a track by about 1.18 sqrt(2) sigma (median of a Rayleigh distribution).
-double with_noise(double limit, const TrackList& tracks) {
-  return std::hypot(limit, 1.67 * usual_sigma(tracks));
-}
+// By how much noise alone moves a track: about 1.18 sqrt(2) sigma (median of a Rayleigh
+// distribution).
+double motion_by_noise(const TrackList& tracks) { return 1.67 * usual_sigma(tracks); }
 
 }  // namespace
 
@@ -123,9 +122,10 @@ bool StillnessDetector::visually_still(const EstimatorConfig& config) const {
   if (seconds_between(first.stamp_ns, last.stamp_ns) < config.still_window_s) return false;
   const Eigen::Matrix3d R_first_last = fitted_rotation(first.tracks, last.tracks);
   const ViewChange change = turned_views(first.tracks, last.tracks, R_first_last);
+  const double noise = motion_by_noise(last.tracks);
   return enough(change, last.tracks) &&
-         change.parallax < with_noise(config.still_parallax, last.tracks) &&
-         came_back(with_noise(config.still_drift, last.tracks));
+         change.parallax < std::hypot(config.still_parallax, noise) &&
+         came_back(std::hypot(config.still_drift, noise));
 }
 
 bool StillnessDetector::came_back(double limit) const {
