@@ -81,9 +81,12 @@ InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>&
 
 // Drones that would believe each other's worlds to be their own.
 void warn_of_one_start(const TeamOptions& team) {
+  if (team.init != InitMethod::kStatic || team.mode == FlightMode::kSolo || team.unknown_start ||
+      team.drones.size() < 2) {
+    return;
+  }
   const std::vector<std::string> names = without_ground_truth(team.drones);
-  const bool apart = team.mode == FlightMode::kSolo || team.unknown_start;
-  if (apart || team.drones.size() < 2 || names.empty()) return;
+  if (names.empty()) return;
   spdlog::warn(
       "{}: no ground truth, so taken to start where section initialisation says, one like the "
       "other; where that is not so fly with --unknown-start",
