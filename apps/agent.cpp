@@ -127,23 +127,45 @@ std::string words_on_peers(const std::set<std::string>& there, std::size_t expec
 }
 
 Agent::Agent(const AgentConfig& config)
-    : config_(checked(config)),
-      dataset_(recording_of(config.agent)),
+    : Agent(config, recording_of(checked(config).agent), nullptr) {}
+
+Agent::Agent(const AgentConfig& config, Dataset sensors, OnboardLink& onboard)
+    : Agent(checked(config), std::move(sensors), &onboard) {}
+
+Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
+    : config_(config),
+      dataset_(std::move(dataset)),
       folder_(make_folder(config.agent)),
       status_file_(folder_ / kAgentStatusFile),
       pipeline_(config,
                 {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),
       link_(open_link(config)),
+      onboard_(onboard),
       odometry_file_(folder_),
       timing_file_(folder_),
       link_file_(folder_),
       exchange_file_(folder_) {
   if (pipeline_.calibration() != nullptr) thermal_file_.emplace(folder_);
+  if (!dataset_.images.empty()) first_ns_ = dataset_.images.front().stamp_ns;
 }
 
 cv::Mat Agent::read(const ImageEntry& image) const {
   return read_image(image, dataset_.camera.width, dataset_.camera.height);
+}
+
+// Those that images have used are gone; without images the oldest go.
+void Agent::add_imu(const std::vector<ImuSample>& samples) {
+  constexpr std::ptrdiff_t kMostWaiting = 20'000;
+  std::vector<ImuSample>& imu = dataset_.imu;
+  const std::ptrdiff_t used = next_imu_ > 0 ? static_cast<std::ptrdiff_t>(next_imu_) - 1 : 0;
+  imu.erase(imu.begin(), imu.begin() + used);
+  next_imu_ -= static_cast<std::size_t>(used);
+  imu.insert(imu.end(), samples.begin(), samples.end());
+  const auto waiting = static_cast<std::ptrdiff_t>(imu.size() - next_imu_);
+  if (waiting <= kMostWaiting) return;
+  imu.erase(imu.begin(), imu.end() - kMostWaiting);
+  next_imu_ = 0;
 }
 
 void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
@@ -151,6 +173,7 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   add_imu_for(stamp_ns, dataset_.imu, next_imu_, pipeline_);
   ImageResult result = pipeline_.add_image(stamp_ns, pixels);
   ++frames_;
+  if (!first_ns_) first_ns_ = stamp_ns;
   last_ns_ = stamp_ns;
   track_sightings_ += result.timing.tracks;
   tracks_begun_ += result.tracks_begun;
@@ -202,7 +225,16 @@ void Agent::count(TimeNs stamp_ns, ImageContent content) {
   }
 }
 
+BodyMotion Agent::body_motion(const Odometry& odometry) const {
+  BodyMotion motion;
+  motion.odometry = odometry;
+  motion.gyro_imu = dataset_.imu[next_imu_ - 1].gyro_imu - odometry.gyro_bias;
+  motion.restarts = static_cast<std::uint8_t>(reinitialized_);
+  return motion;
+}
+
 void Agent::publish(const ImageResult& result) {
+  if (onboard_ != nullptr && result.odometry) onboard_->publish(body_motion(*result.odometry));
   if (!link_) return;
   if (result.advert && link_->send(*result.advert)) {
     note(ExchangeEvent::kAsked, kEveryPeer, result.advert->keyframe_id);
@@ -241,8 +273,7 @@ void Agent::warn_of_namesake() {
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
 
 nlohmann::json Agent::status_json() const {
-  const TimeNs first_ns = dataset_.images.front().stamp_ns;
-  nlohmann::json status = {{"stamp_s", frames_ > 0 ? seconds_between(first_ns, last_ns_) : 0.0},
+  nlohmann::json status = {{"stamp_s", frames_ > 0 ? seconds_between(*first_ns_, last_ns_) : 0.0},
                            {"frames", frames_},
                            {"frames_dropped", dropped_},
                            {"memory_mib", own_memory_mib()}};
@@ -433,8 +464,7 @@ AgentSummary Agent::summary() const {
   summary.frames = frames_;
   summary.frames_dropped = dropped_;
   if (pipeline_.start_ns()) {
-    summary.initialised_after_s =
-        seconds_between(dataset_.images.front().stamp_ns, *pipeline_.start_ns());
+    summary.initialised_after_s = seconds_between(*first_ns_, *pipeline_.start_ns());
   } else {
     summary.not_started = pipeline_.not_started();
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// One drone, one process: a recording in, odometry and messages out.
+// One drone, one process: a recording or its own sensors in, odometry and messages out.
 #pragma once
 
 #include <chrono>
@@ -23,6 +23,7 @@
 #include "apps/run_summary.h"
 #include "apps/status_file.h"
 #include "comms/link.h"
+#include "comms/onboard_link.h"
 
 namespace covey {
 
@@ -49,13 +50,21 @@ struct PeerCounts {
 // The drone itself: what its images and its peers' messages do to it and to its files. One thread.
 class Agent {
  public:
-  // Reads the dataset, opens the link and the files. Throws std::runtime_error.
+  // Flies a recording. Reads it, opens the link and the files. Throws std::runtime_error.
   explicit Agent(const AgentConfig& config);
+  // Flies what it is given, with sensors as `sensors` has them, and tells `onboard`, which outlives
+  // it, where it is.
+  Agent(const AgentConfig& config, Dataset sensors, OnboardLink& onboard);
 
   [[nodiscard]] const AgentConfig& config() const { return config_; }
   [[nodiscard]] const std::vector<ImageEntry>& images() const { return dataset_.images; }
   [[nodiscard]] const std::vector<std::string>& warnings() const { return dataset_.warnings; }
   [[nodiscard]] cv::Mat read(const ImageEntry& image) const;
+
+  // Of a live flight, in time order.
+  void add_imu(const std::vector<ImuSample>& samples);
+  // The IMU must have passed it when the image is flown.
+  [[nodiscard]] TimeNs imu_moment(TimeNs image_ns) const { return pipeline_.imu_moment(image_ns); }
 
   // Images must come in time order; some may be left out.
   void fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms);
@@ -78,6 +87,8 @@ class Agent {
   void finish(const std::optional<std::string>& incomplete = {});
 
  private:
+  Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard);
+  [[nodiscard]] BodyMotion body_motion(const Odometry& odometry) const;
   void handle(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& answer);
   void handle(const PeerKeyframe& keyframe);
@@ -109,7 +120,8 @@ class Agent {
   std::filesystem::path folder_;
   StatusFile status_file_;
   Pipeline pipeline_;
-  std::unique_ptr<Link> link_;  // none when flown alone
+  std::unique_ptr<Link> link_;      // none when flown alone
+  OnboardLink* onboard_ = nullptr;  // of a live flight
   OdometryWriter odometry_file_;
   TimingWriter timing_file_;
   LinkWriter link_file_;
@@ -127,12 +139,13 @@ class Agent {
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
+  std::optional<TimeNs> first_ns_;  // of the recording, or the first image of a live flight
   TimeNs last_ns_ = 0;
   std::optional<AgentStatus> told_status_;
 };
 
-// Flies a recording at the configured pace: by itself, or as a team says over `control_fd`.
-// Returns false if it was stopped before its end.
+// Flies at the configured pace: by itself, or as a team says over `control_fd`. Returns false if it
+// was stopped before its end.
 bool run_agent(const AgentConfig& config, std::optional<int> control_fd);
 
 }  // namespace covey

@@ -12,6 +12,7 @@
 
 #include "apps/agent.h"
 #include "apps/bounded_queue.h"
+#include "apps/live_flight.h"
 #include "apps/stop_signal.h"
 
 namespace covey {
@@ -243,6 +244,8 @@ bool fly(Agent& agent, Control& control) {
       return fly_in_lockstep(agent, control);
     case Pace::kRate:
       return fly_by_clock(agent, control);
+    case Pace::kLive:
+      break;  // flies no recording
   }
   throw std::logic_error("unknown pace");
 }
@@ -275,6 +278,10 @@ bool meet_peers(Agent& agent, Control& control) {
 }  // namespace
 
 bool run_agent(const AgentConfig& config, std::optional<int> control_fd) {
+  if (config.agent.pace == Pace::kLive) {
+    if (control_fd) throw std::runtime_error("pace 'live' flies no recording, as teams do");
+    return run_live_agent(config);
+  }
   Control control(control_fd);
   Agent agent(config);
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);

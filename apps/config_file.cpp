@@ -104,6 +104,12 @@ LinkConfig link_config(const AgentConfig& config) {
   return link;
 }
 
+OnboardConfig onboard_config(const AgentConfig& config) {
+  OnboardConfig onboard = config.onboard;
+  onboard.image_queue = static_cast<std::size_t>(config.agent.image_queue);
+  return onboard;
+}
+
 // Drones that start in worlds of their own may be anywhere in each other's.
 CollaboratorConfig collaborator_config(const AgentConfig& config) {
   CollaboratorConfig collaboration = config.collaboration;
@@ -117,6 +123,11 @@ CollaboratorConfig collaborator_config(const AgentConfig& config) {
 }
 
 void require_possible(const AgentConfig& config) {
+  if (config.agent.pace == Pace::kLive && config.initialisation.method != InitMethod::kStatic) {
+    throw std::runtime_error(
+        "agent.pace is live, and no ground truth says where a live flight starts: set "
+        "initialisation.method to static");
+  }
   if (config.agent.mode == FlightMode::kSolo) return;
   if (config.agent.wait_for_peers >= config.link.max_agents) {
     throw std::runtime_error("agent.wait_for_peers is " +

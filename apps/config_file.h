@@ -12,6 +12,7 @@
 
 #include "apps/config_visitor.h"
 #include "apps/link_profiles.h"
+#include "comms/onboard_link.h"
 #include "comms/peer_link.h"
 #include "estimator/config.h"
 #include "estimator/drift_filter.h"
@@ -28,19 +29,20 @@ enum class Pace {
   kMax,       // as fast as the machine can
   kLockstep,  // a team says how far to go; nothing depends on the machine's load
   kRate,      // real_time_factor times real time; late frames are dropped
+  kLive,      // no recording: camera and IMU say what they see over DDS (onboard_link.h)
 };
 
 struct AgentSettings {
   std::string name = "uav0";
-  std::string dataset;     // folder that holds cam0 and imu0
+  std::string dataset;     // folder that holds cam0 and imu0; of a live flight, their sensor.yaml
   std::string vocabulary;  // of places, see load_vocabulary; empty: what suits the camera
   std::string out;         // folder for the drone's files; made if it does not exist
   FlightMode mode = FlightMode::kCollaborative;
   Pace pace = Pace::kMax;
   double real_time_factor = 1;  // for Pace::kRate
-  int image_queue = 4;          // decoded images that wait, for Pace::kRate; the oldest is dropped
-  double duration_s = 0;        // s of the recording to fly; 0: all of it
-  int wait_for_peers = 0;       // drones to be in touch with before the start
+  int image_queue = 4;          // images that wait, kRate and kLive; the oldest is dropped
+  double duration_s = 0;        // s to fly; 0: all of the recording, or until stopped
+  int wait_for_peers = 0;       // drones to be in touch with before the start; not of kLive
   double peer_timeout_s = 30;   // s; then the drone flies without them
 };
 
@@ -105,7 +107,8 @@ struct AgentConfig {
   EstimatorConfig estimator = calibrating_estimator();
   CollaboratorConfig collaboration;
   FusionConfig fusion;
-  LinkConfig link;  // its profile is the one that is chosen here:
+  OnboardConfig onboard;  // of a live flight
+  LinkConfig link;        // its profile is the one that is chosen here:
   ProfileChoice link_profile;
 };
 
@@ -119,6 +122,9 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
 
 // The link of this drone, as its settings want it.
 [[nodiscard]] LinkConfig link_config(const AgentConfig& config);
+
+// What it hears and says aboard, in a live flight.
+[[nodiscard]] OnboardConfig onboard_config(const AgentConfig& config);
 
 // What this drone's side of the exchange is set to.
 [[nodiscard]] CollaboratorConfig collaborator_config(const AgentConfig& config);

@@ -10,19 +10,22 @@ constexpr double kManyTimes = 1e6;
 
 void visit_agent(AgentSettings& agent, ConfigVisitor& v) {
   v.text("name", agent.name, "unique in the team");
-  v.text("dataset", agent.dataset, "folder that holds cam0 and imu0");
+  v.text("dataset", agent.dataset,
+         "folder that holds cam0 and imu0; their sensor.yaml is all that pace 'live' wants");
   v.text("out", agent.out, "folder for the drone's files");
   v.text("vocabulary", agent.vocabulary,
          "words of places: visual, thermal or a file; empty: what suits the camera");
   v.option("mode", agent.mode, {"collaborative", "solo"}, "solo: no link at all");
-  v.option("pace", agent.pace, {"max", "lockstep", "rate"},
-           "as fast as possible, as a team says, or by the clock");
+  v.option("pace", agent.pace, {"max", "lockstep", "rate", "live"},
+           "a recording as fast as possible, as a team says, or by the clock; or what section "
+           "onboard hears");
   v.number("real_time_factor", agent.real_time_factor, {0.01, 100}, "of pace 'rate'");
   v.count("image_queue", agent.image_queue, {1, 1000},
-          "images that wait at pace 'rate'; then the oldest is dropped");
-  v.number("duration_s", agent.duration_s, {0, kManyTimes}, "[s] of the recording; 0: all");
+          "images that wait at pace 'rate' or 'live'; then the oldest is dropped");
+  v.number("duration_s", agent.duration_s, {0, kManyTimes},
+           "[s] to fly; 0: all of the recording, or until stopped");
   v.count("wait_for_peers", agent.wait_for_peers, {0, kMaxAgents - 1},
-          "drones to be in touch with at start");
+          "drones to be in touch with at start; pace 'live' waits for nobody");
   v.number("peer_timeout_s", agent.peer_timeout_s, {0, kManyTimes},
            "[s] then the drone flies without them");
 }
@@ -380,6 +383,23 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
   v.number("alignment_share", alignment.share, {0, 1}, "of what was seen must agree");
 }
 
+void visit_onboard(OnboardConfig& onboard, ConfigVisitor& v) {
+  v.count("domain", onboard.domain, {0, 200}, "DDS domain of camera, IMU and autopilot");
+  v.flag("loopback_only", onboard.loopback_only, "all of them run on this computer");
+  v.flag("reliable", onboard.reliable,
+         "ask for lost samples again; drivers that offer best effort alone are then not heard");
+  v.text("image_topic", onboard.image_topic, "sensor_msgs/Image, mono8 or mono16");
+  v.text("imu_topic", onboard.imu_topic, "sensor_msgs/Imu");
+  v.text("odometry_topic", onboard.odometry_topic, "nav_msgs/Odometry that is told; empty: none");
+  v.text("px4_topic", onboard.px4_topic,
+         "px4_msgs/VehicleOdometry that is told, fmu/in/vehicle_visual_odometry; empty: none");
+  Eigen::Vector3d& mount = onboard.imu_mount_rpy;
+  v.angle("imu_roll_deg", mount.x(), {-360, 360},
+          "[deg] of the IMU in PX4's body: its axes from forward, left, up, roll first");
+  v.angle("imu_pitch_deg", mount.y(), {-360, 360}, "[deg]");
+  v.angle("imu_yaw_deg", mount.z(), {-360, 360}, "[deg]");
+}
+
 void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.text("team", link.team, "teams do not hear each other");
   v.count("domain", link.domain, {0, 200}, "DDS domain");
@@ -420,6 +440,7 @@ void visit_config(AgentConfig& config, ConfigVisitor& visitor) {
           visit_standing_still);
   section("collaboration", config.collaboration, visit_collaboration, visit_matching);
   section("fusion", config.fusion, visit_fusion);
+  section("onboard", config.onboard, visit_onboard);
   visitor.begin_section("link");
   visit_profile_choice(config.link_profile, visitor);
   visit_link(config.link, visitor);

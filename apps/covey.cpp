@@ -17,6 +17,7 @@
 #include "apps/lab_command.h"
 #include "apps/link_worker.h"
 #include "apps/places_command.h"
+#include "apps/play_command.h"
 #include "apps/qos_command.h"
 #include "apps/report_command.h"
 #include "apps/simulate_command.h"
@@ -66,6 +67,7 @@ int run(int argc, char** argv) {
   covey::add_simulate_command(covey);
   covey::add_team_command(covey);
   covey::add_agent_command(covey);
+  covey::add_play_command(covey);
   covey::add_evaluate_command(covey);
   covey::add_report_command(covey);
   covey::add_inspect_command(covey);

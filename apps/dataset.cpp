@@ -193,13 +193,18 @@ GroundTruth read_ground_truth(const fs::path& csv) {
   return truth;
 }
 
-Dataset read_dataset(const fs::path& mav0) {
+Dataset read_sensors(const fs::path& mav0) {
   Dataset dataset;
   const CameraCalibration camera = read_camera_file(mav0 / "cam0" / "sensor.yaml");
   dataset.camera = camera.intrinsics;
   dataset.extrinsics = camera.extrinsics;
   dataset.thermal = camera.thermal;
   dataset.imu_noise = read_imu_file(mav0 / "imu0" / "sensor.yaml");
+  return dataset;
+}
+
+Dataset read_dataset(const fs::path& mav0) {
+  Dataset dataset = read_sensors(mav0);
   dataset.images = read_image_list(mav0 / "cam0");
   const Span images{mav0 / "cam0" / "data.csv", dataset.images.front().stamp_ns,
                     dataset.images.back().stamp_ns};

@@ -58,6 +58,9 @@ struct Dataset {
 
 [[nodiscard]] Dataset read_dataset(const std::filesystem::path& mav0);
 
+// What sensor.yaml says of camera and IMU, and nothing they recorded.
+[[nodiscard]] Dataset read_sensors(const std::filesystem::path& mav0);
+
 // The parts, for those that need only one.
 [[nodiscard]] std::vector<ImuSample> read_imu(const std::filesystem::path& csv);
 [[nodiscard]] GroundTruth read_ground_truth(const std::filesystem::path& csv);

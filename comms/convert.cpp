@@ -1,69 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "comms/convert.h"
 
-#include <fastcdr/Cdr.h>
-#include <fastcdr/FastBuffer.h>
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <exception>
 #include <limits>
 #include <utility>
 
+#include "comms/cdr.h"
 #include "comms/checks.h"
 #include "idl/covey.h"
 
 namespace covey {
 namespace {
 
-using eprosima::fastcdr::Cdr;
-using eprosima::fastcdr::FastBuffer;
-
-constexpr std::size_t kHeaderBytes = 4;      // CDR encapsulation
-constexpr std::size_t kMaxPaddingBytes = 3;  // DDS pads a sample to a multiple of four
-
-// ----------------------------------------------------------------------------- wire type <-> bytes
-
-template <typename Wire>
-Bytes serialize(const Wire& wire) {
-  Bytes bytes(kHeaderBytes + Wire::getCdrSerializedSize(wire));
-  FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());
-  Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-  cdr.serialize_encapsulation();
-  wire.serialize(cdr);
-  bytes.resize(cdr.getSerializedDataLength());
-  return bytes;
-}
-
-// Size, encapsulation and version: what can be told without trusting a single length field.
-Problem problem_with_frame(const Bytes& bytes, std::size_t max_bytes) {
-  if (bytes.size() > max_bytes) return "sample too large";
-  if (bytes.size() <= kHeaderBytes) return "sample too short";
-  // CDR_BE is 0 0, CDR_LE is 0 1; what follows are options that nobody uses.
-  if (bytes[0] != 0 || bytes[1] > 1) return "unknown encapsulation";
-  if (bytes[kHeaderBytes] != kWireVersion) return "another version of the messages";
-  return {};
-}
-
 template <typename Wire>
 Decoded<Wire> deserialize(const Bytes& bytes, std::size_t max_bytes) {
-  if (const Problem problem = problem_with_frame(bytes, max_bytes)) return Rejected{*problem};
-  // FastBuffer knows no const; deserialising does not write.
-  FastBuffer buffer(reinterpret_cast<char*>(const_cast<std::uint8_t*>(bytes.data())), bytes.size());
-  Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-  Wire wire;
-  try {
-    cdr.read_encapsulation();
-    wire.deserialize(cdr);
-  } catch (const std::exception&) {
-    return Rejected{"sample ends too early"};
-  }
-  if (bytes.size() - cdr.getSerializedDataLength() > kMaxPaddingBytes)
-    return Rejected{"sample has bytes left over"};
-  return wire;
+  if (const Problem problem = problem_with_cdr(bytes, max_bytes)) return Rejected{*problem};
+  if (bytes[kCdrHeaderBytes] != kWireVersion) return Rejected{"another version of the messages"};
+  return from_cdr<Wire>(bytes);
 }
 
 // ----------------------------------------------------------------------------- Quantisation
@@ -302,7 +259,7 @@ Bytes encode(const PlaceAdvert& advert) {
   out.mean_depth(static_cast<float>(advert.view.mean_depth));
   out.view_sigma(static_cast<float>(advert.view.sigma));
   out.descriptor(advert.descriptor);
-  return serialize(out);
+  return to_cdr(out);
 }
 
 namespace {
@@ -345,7 +302,7 @@ wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
 
 Bytes encode(const PeerKeyframe& keyframe) {
   assert(!problem_with(keyframe));
-  return serialize(to_wire(keyframe));
+  return to_cdr(to_wire(keyframe));
 }
 
 Bytes encode(const FullPeerKeyframe& message) {
@@ -359,7 +316,7 @@ Bytes encode(const FullPeerKeyframe& message) {
   out.landmark_anchors(filter.landmark_anchors);
   // Symmetric: by columns or by rows is the same.
   out.covariance({filter.covariance.data(), filter.covariance.data() + filter.covariance.size()});
-  return serialize(out);
+  return to_cdr(out);
 }
 
 namespace {
@@ -386,7 +343,7 @@ Bytes encode(const StatusSample& sample) {
   out.keyframes(sample.status.keyframes);
   out.sent_ns(sample.sent_ns);
   for (const HeardPeer& heard : sample.hears) out.hears().push_back(to_wire(heard));
-  return serialize(out);
+  return to_cdr(out);
 }
 
 Bytes encode(const OdometrySample& sample) {
@@ -403,7 +360,7 @@ Bytes encode(const OdometrySample& sample) {
   out.gyro_bias(to_array<double, 3>(odometry.gyro_bias));
   out.accel_bias(to_array<double, 3>(odometry.accel_bias));
   out.pose_covariance(upper_triangle<6>(odometry.pose_covariance));
-  return serialize(out);
+  return to_cdr(out);
 }
 
 // --------------------------------------------------------------------------------------- decode

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/live_flight.h"
+
+#include <spdlog/spdlog.h>
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/agent.h"
+#include "apps/dataset.h"
+#include "apps/process_usage.h"
+#include "apps/stop_signal.h"
+
+namespace covey {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPoll{5};  // messages are handled between images as well
+
+// Each kind of trouble is told again after five seconds at the earliest.
+class Complaints {
+ public:
+  void tell(const std::string& kind, const std::string& text) {
+    constexpr double kInterval_ms = 5000;
+    const double now_ms = steady_ms();
+    const auto told = told_ms_.find(kind);
+    if (told != told_ms_.end() && now_ms - told->second < kInterval_ms) return;
+    told_ms_[kind] = now_ms;
+    spdlog::warn("{}", text);
+  }
+
+ private:
+  std::map<std::string, double> told_ms_;
+};
+
+// What camera and IMU say, as far as it can be flown: of the right size, in the order of time.
+class LiveSensors {
+ public:
+  LiveSensors(const OnboardConfig& config, OnboardLink& link, const CameraIntrinsics& camera)
+      : config_(config), link_(link), camera_(camera) {}
+
+  [[nodiscard]] std::optional<CameraImage> next_image() {
+    warn_of_trouble();
+    std::optional<CameraImage> image = link_.next_image(kPoll);
+    if (!image) return {};
+    last_image_ms_ = steady_ms();
+    if (can_be_flown(*image)) {
+      newest_image_ns_ = image->stamp_ns;
+      return image;
+    }
+    ++unusable_;
+    return {};
+  }
+
+  [[nodiscard]] std::vector<ImuSample> imu() {
+    std::vector<ImuSample> samples;
+    for (const ImuSample& sample : link_.take_imu()) {
+      last_imu_ms_ = steady_ms();
+      if (sample.stamp_ns > newest_imu_ns_) {
+        newest_imu_ns_ = sample.stamp_ns;
+        samples.push_back(sample);
+      } else {
+        complaints_.tell("imu", config_.imu_topic + ": its stamps go back: samples are left out");
+      }
+    }
+    return samples;
+  }
+
+  // Images that have come and were not given out.
+  [[nodiscard]] std::uint64_t dropped() const { return link_.counts().images_dropped + unusable_; }
+
+ private:
+  bool can_be_flown(const CameraImage& image) {
+    if (image.width != camera_.width || image.height != camera_.height) {
+      complaints_.tell("size", config_.image_topic + ": the image is " +
+                                   std::to_string(image.width) + "x" +
+                                   std::to_string(image.height) + ", sensor.yaml says " +
+                                   std::to_string(camera_.width) + "x" +
+                                   std::to_string(camera_.height) + ": not flown");
+      return false;
+    }
+    if (image.stamp_ns > newest_image_ns_) return true;
+    complaints_.tell("order", config_.image_topic + ": its stamps go back: images are left out");
+    return false;
+  }
+
+  void warn_of_trouble() {
+    constexpr double kSilence_ms = 2000;
+    const double now_ms = steady_ms();
+    const std::string where = " has come for 2 s in DDS domain " + std::to_string(config_.domain) +
+                              ": does its driver run?";
+    if (now_ms - last_image_ms_ > kSilence_ms)
+      complaints_.tell("camera", "no image on " + config_.image_topic + where);
+    if (now_ms - last_imu_ms_ > kSilence_ms)
+      complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
+    const OnboardCounts counts = link_.counts();
+    if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
+    refused_ = counts.refused;
+  }
+
+  const OnboardConfig config_;
+  OnboardLink& link_;
+  const CameraIntrinsics camera_;
+  Complaints complaints_;
+  double last_image_ms_ = steady_ms(), last_imu_ms_ = last_image_ms_;
+  TimeNs newest_image_ns_ = 0, newest_imu_ns_ = 0;
+  std::uint64_t refused_ = 0, unusable_ = 0;
+};
+
+cv::Mat pixels_of(CameraImage& image) {
+  const int type = image.bytes_per_pixel == 1 ? CV_8UC1 : CV_16UC1;
+  return cv::Mat(image.height, image.width, type, image.pixels.data()).clone();
+}
+
+// The world that all drones share, or this one's.
+std::string world_name(const AgentConfig& config) {
+  return config.initialisation.own_world ? config.agent.name + "/world" : "world";
+}
+
+std::optional<CameraImage> first_image(LiveSensors& sensors) {
+  std::optional<CameraImage> image;
+  while (!image && !stop_requested()) image = sensors.next_image();
+  return image;
+}
+
+// Each image as soon as the IMU has passed it.
+void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
+                       std::optional<CameraImage> image) {
+  const double duration_s = agent.config().agent.duration_s;
+  const TimeNs first_ns = image->stamp_ns;
+  while (!stop_requested()) {
+    if (!image) image = sensors.next_image();
+    if (image && duration_s > 0 && seconds_between(first_ns, image->stamp_ns) > duration_s) return;
+    const bool covered = image && link.wait_for_imu(agent.imu_moment(image->stamp_ns), kPoll);
+    agent.add_imu(sensors.imu());
+    agent.take_inbox();
+    agent.handle_messages();
+    if (covered) agent.fly(image->stamp_ns, pixels_of(*image), 0);
+    if (covered) image.reset();
+    agent.show_status();
+  }
+}
+
+}  // namespace
+
+bool run_live_agent(const AgentConfig& config) {
+  require_possible(config);
+  Dataset description = read_sensors(config.agent.dataset);
+  const OnboardConfig onboard = onboard_config(config);
+  OnboardLink link(onboard, world_name(config), config.agent.name + "/imu");
+  LiveSensors sensors(onboard, link, description.camera);
+  spdlog::info("listens to {} and {} in DDS domain {}", onboard.image_topic, onboard.imu_topic,
+               onboard.domain);
+  std::optional<CameraImage> image = first_image(sensors);
+  if (!image) return false;
+  description.thermal = description.thermal || image->bytes_per_pixel == 2;
+  Agent agent(config, std::move(description), link);
+  fly_until_stopped(agent, link, sensors, std::move(image));
+  agent.count_dropped(sensors.dropped());
+  agent.finish();
+  return config.agent.duration_s == 0 || !stop_requested();
+}
+
+}  // namespace covey

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/onboard_messages.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "comms/cdr.h"
+#include "comms/checks.h"
+#include "idl/onboard.h"
+
+namespace covey {
+namespace {
+
+namespace ros_time = builtin_interfaces::msg::dds_;
+namespace ros_std = std_msgs::msg::dds_;
+namespace ros_geometry = geometry_msgs::msg::dds_;
+namespace ros_sensors = sensor_msgs::msg::dds_;
+namespace ros_nav = nav_msgs::msg::dds_;
+namespace px4 = px4_msgs::msg::dds_;
+
+constexpr TimeNs kSecond_ns = 1'000'000'000;
+constexpr std::uint32_t kMaxSide = 16384;  // pixels
+
+ros_std::Header_ header(TimeNs stamp_ns, const std::string& frame) {
+  ros_std::Header_ out;
+  out.stamp().sec(static_cast<std::int32_t>(stamp_ns / kSecond_ns));
+  out.stamp().nanosec(static_cast<std::uint32_t>(stamp_ns % kSecond_ns));
+  out.frame_id(frame);
+  return out;
+}
+
+// 0, which nobody stamps with, for what is none.
+TimeNs stamp_of(const ros_std::Header_& header) {
+  const ros_time::Time_& stamp = header.stamp();
+  if (stamp.sec() < 0 || stamp.nanosec() >= kSecond_ns) return 0;
+  return stamp.sec() * kSecond_ns + static_cast<TimeNs>(stamp.nanosec());
+}
+
+template <typename Vector>
+Vector ros_vector(const Eigen::Vector3d& v) {
+  Vector out;
+  out.x(v.x());
+  out.y(v.y());
+  out.z(v.z());
+  return out;
+}
+
+Eigen::Vector3d plain(const ros_geometry::Vector3_& v) { return {v.x(), v.y(), v.z()}; }
+
+ros_geometry::Quaternion_ ros_quaternion(const Eigen::Quaterniond& q) {
+  ros_geometry::Quaternion_ out;
+  out.x(q.x());
+  out.y(q.y());
+  out.z(q.z());
+  out.w(q.w());
+  return out;
+}
+
+int bytes_per_pixel(const std::string& encoding) {
+  if (encoding == "mono8" || encoding == "8UC1") return 1;
+  if (encoding == "mono16" || encoding == "16UC1") return 2;
+  return 0;
+}
+
+// Rows without the gaps between them.
+std::vector<std::uint8_t> without_gaps(std::vector<std::uint8_t> data, std::size_t row_bytes,
+                                       std::size_t step, std::size_t rows) {
+  if (step != row_bytes) {
+    for (std::size_t row = 1; row < rows; ++row)
+      std::memmove(&data[row * row_bytes], &data[row * step], row_bytes);
+  }
+  data.resize(row_bytes * rows);
+  return data;
+}
+
+void swap_bytes(std::vector<std::uint8_t>& pixels) {
+  for (std::size_t i = 0; i + 1 < pixels.size(); i += 2) std::swap(pixels[i], pixels[i + 1]);
+}
+
+bool is_big_endian_machine() {
+  const std::uint16_t one = 1;
+  std::uint8_t first = 0;
+  std::memcpy(&first, &one, 1);
+  return first == 0;
+}
+
+Problem problem_with(const ros_sensors::Image_& image) {
+  const auto bytes = static_cast<std::size_t>(bytes_per_pixel(image.encoding()));
+  if (bytes == 0) return "encoding is neither mono8 nor mono16";
+  if (image.width() == 0 || image.height() == 0) return "image without pixels";
+  if (image.width() > kMaxSide || image.height() > kMaxSide) return "image too large";
+  if (image.step() < image.width() * bytes) return "rows of an image overlap";
+  if (image.data().size() < std::size_t{image.step()} * image.height()) return "image cut short";
+  if (!is_stamp(stamp_of(image.header())) || stamp_of(image.header()) == 0) return "no valid stamp";
+  return {};
+}
+
+// Of position in world, and of rotation about the world's axes: that of a local error, turned.
+std::array<double, 36> fixed_axes_covariance(const Odometry& odometry) {
+  Matrix6d turn = Matrix6d::Identity();
+  turn.bottomRightCorner<3, 3>() = odometry.pose.q_world_imu.toRotationMatrix();
+  std::array<double, 36> out{};
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.data()) =
+      turn * odometry.pose_covariance * turn.transpose();
+  return out;
+}
+
+// Forward-left-up to forward-right-down and back: half a turn about the x axis.
+Eigen::Vector3d flipped(const Eigen::Vector3d& v) { return {v.x(), -v.y(), -v.z()}; }
+Eigen::Quaterniond flipped(const Eigen::Quaterniond& q) { return {q.w(), q.x(), -q.y(), -q.z()}; }
+
+std::array<float, 3> floats(const Eigen::Vector3d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+// Per cent; 0 would mean that nothing is known of it.
+char px4_quality(FilterStatus status) { return status == FilterStatus::kTracking ? 100 : 1; }
+
+}  // namespace
+
+Bytes encode_image(const CameraImage& image) {
+  ros_sensors::Image_ out;
+  out.header(header(image.stamp_ns, "cam0"));
+  out.height(static_cast<std::uint32_t>(image.height));
+  out.width(static_cast<std::uint32_t>(image.width));
+  out.encoding(image.bytes_per_pixel == 1 ? "mono8" : "mono16");
+  out.is_bigendian(is_big_endian_machine() ? 1 : 0);
+  out.step(static_cast<std::uint32_t>(image.width * image.bytes_per_pixel));
+  out.data(image.pixels);
+  return to_cdr(out);
+}
+
+Bytes encode_imu(const ImuSample& sample) {
+  ros_sensors::Imu_ out;
+  out.header(header(sample.stamp_ns, "imu0"));
+  out.orientation().w(1);
+  out.orientation_covariance()[0] = -1;
+  out.angular_velocity(ros_vector<ros_geometry::Vector3_>(sample.gyro_imu));
+  out.linear_acceleration(ros_vector<ros_geometry::Vector3_>(sample.accel_imu));
+  return to_cdr(out);
+}
+
+Decoded<CameraImage> decode_image(const Bytes& bytes) {
+  if (const Problem problem = problem_with_cdr(bytes, kMaxImageBytes)) return Rejected{*problem};
+  auto decoded = from_cdr<ros_sensors::Image_>(bytes);
+  if (auto* rejected = std::get_if<Rejected>(&decoded)) return std::move(*rejected);
+  auto& image = std::get<ros_sensors::Image_>(decoded);
+  if (const Problem problem = problem_with(image)) return Rejected{*problem};
+  CameraImage out;
+  out.stamp_ns = stamp_of(image.header());
+  out.width = static_cast<int>(image.width());
+  out.height = static_cast<int>(image.height());
+  out.bytes_per_pixel = bytes_per_pixel(image.encoding());
+  const auto row_bytes = static_cast<std::size_t>(out.width * out.bytes_per_pixel);
+  out.pixels = without_gaps(std::move(image.data()), row_bytes, image.step(), image.height());
+  const bool big_endian = image.is_bigendian() != 0;
+  if (out.bytes_per_pixel == 2 && big_endian != is_big_endian_machine()) swap_bytes(out.pixels);
+  return out;
+}
+
+Decoded<ImuSample> decode_imu(const Bytes& bytes) {
+  if (const Problem problem = problem_with_cdr(bytes, kMaxImuBytes)) return Rejected{*problem};
+  const auto decoded = from_cdr<ros_sensors::Imu_>(bytes);
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
+  const auto& imu = std::get<ros_sensors::Imu_>(decoded);
+  ImuSample out;
+  out.stamp_ns = stamp_of(imu.header());
+  out.gyro_imu = plain(imu.angular_velocity());
+  out.accel_imu = plain(imu.linear_acceleration());
+  if (!is_stamp(out.stamp_ns) || out.stamp_ns == 0) return Rejected{"no valid stamp"};
+  if (!out.gyro_imu.allFinite() || !out.accel_imu.allFinite()) return Rejected{"value not finite"};
+  return out;
+}
+
+Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,
+                          const std::string& child_frame) {
+  const Odometry& odometry = motion.odometry;
+  const Eigen::Quaterniond& q_world_imu = odometry.pose.q_world_imu;
+  ros_nav::Odometry_ out;
+  out.header(header(odometry.stamp_ns, frame));
+  out.child_frame_id(child_frame);
+  out.pose().pose().position(ros_vector<ros_geometry::Point_>(odometry.pose.p_world_imu));
+  out.pose().pose().orientation(ros_quaternion(q_world_imu));
+  out.pose().covariance(fixed_axes_covariance(odometry));
+  out.twist().twist().linear(
+      ros_vector<ros_geometry::Vector3_>(q_world_imu.inverse() * odometry.v_world_imu));
+  out.twist().twist().angular(ros_vector<ros_geometry::Vector3_>(motion.gyro_imu));
+  return to_cdr(out);
+}
+
+Bytes encode_px4_odometry(const BodyMotion& motion, const Eigen::Quaterniond& q_body_imu) {
+  constexpr std::uint8_t kForwardRightDown = 2;
+  const Odometry& odometry = motion.odometry;
+  const Eigen::Quaterniond q_world_body =
+      flipped(odometry.pose.q_world_imu * q_body_imu.conjugate()).normalized();
+  const Eigen::Matrix3d R_body_imu = q_body_imu.toRotationMatrix();
+  const Eigen::Matrix3d attitude_covariance =
+      R_body_imu * odometry.pose_covariance.bottomRightCorner<3, 3>() * R_body_imu.transpose();
+  px4::VehicleOdometry_ out;
+  out.timestamp(static_cast<std::uint64_t>(odometry.stamp_ns / 1000));
+  out.timestamp_sample(out.timestamp());
+  out.pose_frame(kForwardRightDown);
+  out.position(floats(flipped(odometry.pose.p_world_imu)));
+  out.q({static_cast<float>(q_world_body.w()), static_cast<float>(q_world_body.x()),
+         static_cast<float>(q_world_body.y()), static_cast<float>(q_world_body.z())});
+  out.velocity_frame(kForwardRightDown);
+  out.velocity(floats(flipped(odometry.v_world_imu)));
+  out.angular_velocity(floats(flipped(R_body_imu * motion.gyro_imu)));
+  out.position_variance(floats(odometry.pose_covariance.diagonal().head<3>()));
+  out.orientation_variance(floats(attitude_covariance.diagonal()));
+  out.velocity_variance().fill(std::numeric_limits<float>::quiet_NaN());
+  out.reset_counter(motion.restarts);
+  out.quality(px4_quality(odometry.status));
+  return to_cdr(out);
+}
+
+}  // namespace covey

@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "comms/onboard_participant.h"
+
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
+
+#include <exception>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "comms/byte_type.h"
+#include "comms/dds_log.h"
+#include "comms/qos.h"
+
+namespace covey {
+namespace {
+
+namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::types::ReturnCode_t;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kMaxBlocking{1000};
+
+void require(bool good, const std::string& complaint) {
+  if (!good) throw std::runtime_error("onboard: " + complaint + "; DDS says: " + dds_errors().last);
+}
+
+// What ROS 2's middleware makes of the name of a topic.
+std::string wire_name(const std::string& topic) {
+  return topic.front() == '/' ? "rt" + topic : "rt/" + topic;
+}
+
+std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport(bool loopback_only) {
+  constexpr std::uint32_t kSocketBuffer = 4 << 20;  // a few images, where the system grants it
+  constexpr std::uint32_t kProgramsOnBoard = 16;    // whose ports are looked at
+  auto out = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+  out->sendBufferSize = out->receiveBufferSize = kSocketBuffer;
+  out->maxInitialPeersRange = kProgramsOnBoard;
+  if (loopback_only) out->interfaceWhiteList = {"127.0.0.1"};
+  return out;
+}
+
+dds::DomainParticipantQos participant_qos(const OnboardNetwork& network) {
+  dds::DomainParticipantQos qos;
+  qos.name("covey/onboard");
+  qos.properties().properties().clear();  // names of host and user
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(transport(network.loopback_only));
+  if (network.loopback_only) {
+    eprosima::fastrtps::rtps::Locator_t here;
+    eprosima::fastrtps::rtps::IPLocator::setIPv4(here, "127.0.0.1");
+    qos.wire_protocol().builtin.initialPeersList.push_back(here);
+  }
+  return qos;
+}
+
+// What readers and writers have in common.
+template <typename Qos>
+void set_topic(Keep keep, Qos& qos) {
+  constexpr int kDepth = 256;  // about a second of an IMU
+  qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
+  qos.history().kind = keep == Keep::kAll ? dds::KEEP_ALL_HISTORY_QOS : dds::KEEP_LAST_HISTORY_QOS;
+  qos.history().depth = kDepth;
+  auto& limits = qos.resource_limits();
+  limits.max_samples = limits.max_samples_per_instance = kDepth;
+  limits.max_instances = 1;
+  limits.allocated_samples = 1;
+  qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::DYNAMIC_REUSABLE_MEMORY_MODE;
+  qos.data_sharing().off();
+}
+
+class Listener : public dds::DataReaderListener {
+ public:
+  Listener(std::function<void(const Bytes&)> received, std::function<void()> unheard)
+      : received_(std::move(received)), unheard_(std::move(unheard)) {}
+
+  void on_data_available(dds::DataReader* reader) override {
+    ByteSample sample;
+    dds::SampleInfo info;
+    while (reader->take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+      if (!info.valid_data) continue;
+      try {
+        received_(sample.bytes);
+      } catch (const std::exception&) {
+        continue;  // out of memory: the sample is lost, the drone is not
+      }
+    }
+  }
+
+  void on_requested_incompatible_qos(
+      dds::DataReader* /*reader*/, const dds::RequestedIncompatibleQosStatus& /*status*/) override {
+    unheard_();
+  }
+
+ private:
+  const std::function<void(const Bytes&)> received_;
+  const std::function<void()> unheard_;
+};
+
+}  // namespace
+
+class OnboardParticipant::Impl {
+ public:
+  explicit Impl(const OnboardNetwork& network);
+  ~Impl();
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+
+  void read(const OnboardTopic& topic, bool reliable, std::unique_ptr<Listener> listener);
+  dds::DataWriter* write(const OnboardTopic& topic, Keep keep);
+
+ private:
+  dds::Topic* create_topic(const OnboardTopic& topic);
+
+  std::vector<std::unique_ptr<Listener>> listeners_;  // outlive the participant that calls them
+  dds::DomainParticipant* participant_;
+  dds::Publisher* publisher_ = nullptr;
+  dds::Subscriber* subscriber_ = nullptr;
+};
+
+OnboardParticipant::Impl::Impl(const OnboardNetwork& network)
+    : participant_((keep_dds_errors(),
+                    dds::DomainParticipantFactory::get_instance()->create_participant(
+                        static_cast<dds::DomainId_t>(network.domain), participant_qos(network)))) {
+  require(participant_ != nullptr, "cannot create the DDS participant in domain " +
+                                       std::to_string(network.domain) +
+                                       ": check that UDP ports are free");
+  publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+  subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
+  require(publisher_ != nullptr && subscriber_ != nullptr,
+          "cannot create DDS publisher and subscriber: out of memory?");
+}
+
+OnboardParticipant::Impl::~Impl() {
+  participant_->delete_contained_entities();
+  dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+dds::Topic* OnboardParticipant::Impl::create_topic(const OnboardTopic& topic) {
+  const dds::TypeSupport type(new ByteType(topic.type, topic.max_bytes));
+  require(type.register_type(participant_) == ReturnCode_t::RETCODE_OK,
+          "cannot register DDS type " + topic.type);
+  const std::string name = wire_name(topic.topic);
+  dds::Topic* out = participant_->create_topic(name, topic.type, dds::TOPIC_QOS_DEFAULT);
+  require(out != nullptr, "cannot create DDS topic " + name + ": is its name used twice?");
+  return out;
+}
+
+void OnboardParticipant::Impl::read(const OnboardTopic& topic, bool reliable,
+                                    std::unique_ptr<Listener> listener) {
+  dds::DataReaderQos qos;
+  set_topic(Keep::kNewest, qos);
+  if (!reliable) qos.reliability().kind = dds::BEST_EFFORT_RELIABILITY_QOS;
+  const dds::StatusMask mask = dds::StatusMask::data_available()
+                               << dds::StatusMask::requested_incompatible_qos();
+  require(subscriber_->create_datareader(create_topic(topic), qos, listener.get(), mask) != nullptr,
+          "cannot create DDS reader of " + wire_name(topic.topic));
+  listeners_.push_back(std::move(listener));
+}
+
+dds::DataWriter* OnboardParticipant::Impl::write(const OnboardTopic& topic, Keep keep) {
+  constexpr milliseconds kHeartbeat{20};
+  dds::DataWriterQos qos;
+  set_topic(keep, qos);
+  qos.reliability().max_blocking_time = duration(kMaxBlocking);
+  qos.reliable_writer_qos().times.heartbeatPeriod = duration(kHeartbeat);
+  qos.publish_mode().kind = dds::ASYNCHRONOUS_PUBLISH_MODE;  // images are cut into datagrams
+  dds::DataWriter* writer = publisher_->create_datawriter(create_topic(topic), qos);
+  require(writer != nullptr, "cannot create DDS writer of " + wire_name(topic.topic));
+  return writer;
+}
+
+bool OnboardWriter::send(Bytes bytes) {
+  ByteSample sample{std::move(bytes)};
+  return writer_->write(&sample);
+}
+
+int OnboardWriter::readers() const {
+  dds::PublicationMatchedStatus status;
+  writer_->get_publication_matched_status(status);
+  return status.current_count;
+}
+
+bool OnboardWriter::wait_until_received(milliseconds patience) {
+  return writer_->wait_for_acknowledgments(duration(patience)) == ReturnCode_t::RETCODE_OK;
+}
+
+OnboardParticipant::OnboardParticipant(const OnboardNetwork& network)
+    : impl_(std::make_unique<Impl>(network)) {}
+OnboardParticipant::~OnboardParticipant() = default;
+
+void OnboardParticipant::read(const OnboardTopic& topic, bool reliable,
+                              std::function<void(const Bytes&)> received,
+                              std::function<void()> unheard) {
+  impl_->read(topic, reliable, std::make_unique<Listener>(std::move(received), std::move(unheard)));
+}
+
+OnboardWriter OnboardParticipant::write(const OnboardTopic& topic, Keep keep) {
+  return OnboardWriter(impl_->write(topic, keep));
+}
+
+}  // namespace covey

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The DDS side of what goes on aboard one drone, apart from the radio's: other programs of the same
+// computer, as ROS 2 and PX4's agent are. Inside this room only.
+//
+//   UDP only: Fast DDS's shared memory is not the same from one of its versions to the next, and
+//     other vendors have none of it.
+//   On 127.0.0.1, which knows no multicast, participants are looked for at the first ports of the
+//     domain. ROS 2's nodes listen there whatever their own discovery is.
+//   Readers are best effort by default: they hear every writer.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "comms/convert.h"
+
+namespace eprosima::fastdds::dds {
+class DataWriter;
+}  // namespace eprosima::fastdds::dds
+
+namespace covey {
+
+struct OnboardNetwork {
+  int domain = 0;             // ROS_DOMAIN_ID, 0..200
+  bool loopback_only = true;  // nothing leaves 127.0.0.1; otherwise all interfaces, by multicast
+};
+
+enum class Keep {
+  kNewest,  // who does not keep up loses samples, and holds nobody up
+  kAll,     // a full history waits for the slowest reader
+};
+
+// As long as its participant.
+class OnboardWriter {
+ public:
+  bool send(Bytes bytes);  // false: not taken within a second
+  [[nodiscard]] int readers() const;
+  [[nodiscard]] bool wait_until_received(std::chrono::milliseconds patience);
+
+ private:
+  friend class OnboardParticipant;
+  explicit OnboardWriter(eprosima::fastdds::dds::DataWriter* writer) : writer_(writer) {}
+  eprosima::fastdds::dds::DataWriter* writer_;
+};
+
+// `topic` as ROS 2 names it, with or without the slash before it; `type` as it is on the wire.
+struct OnboardTopic {
+  std::string topic, type;
+  std::size_t max_bytes = 0;
+};
+
+class OnboardParticipant {
+ public:
+  // Throws std::runtime_error that says what to do, as the others do.
+  explicit OnboardParticipant(const OnboardNetwork& network);
+  ~OnboardParticipant();
+  OnboardParticipant(const OnboardParticipant&) = delete;
+  OnboardParticipant& operator=(const OnboardParticipant&) = delete;
+
+  // `received` runs on a thread of DDS; so does `unheard`, when a writer offers no more than best
+  // effort and `reliable` is asked for.
+  void read(const OnboardTopic& topic, bool reliable, std::function<void(const Bytes&)> received,
+            std::function<void()> unheard);
+  [[nodiscard]] OnboardWriter write(const OnboardTopic& topic, Keep keep);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace covey
