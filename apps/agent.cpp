@@ -404,6 +404,11 @@ double Agent::own_memory_mib() const {
   return memory_mib("self", "RssAnon").value_or(0) + link_kib / 1024;
 }
 
+std::optional<std::string> Agent::not_started() const {
+  if (pipeline_.started()) return {};
+  return pipeline_.not_started();
+}
+
 AdvancedReply Agent::progress() const {
   AdvancedReply reply;
   reply.reached_ns = last_ns_;
@@ -465,9 +470,8 @@ AgentSummary Agent::summary() const {
   summary.frames_dropped = dropped_;
   if (pipeline_.start_ns()) {
     summary.initialised_after_s = seconds_between(*first_ns_, *pipeline_.start_ns());
-  } else {
-    summary.not_started = pipeline_.not_started();
   }
+  summary.not_started = not_started();
   summary.max_rss_mib = peak_rss_mib();
   if (link_ && summary.max_rss_mib)
     *summary.max_rss_mib += static_cast<double>(link_->statistics().process_peak_kib) / 1024;

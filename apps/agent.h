@@ -80,6 +80,8 @@ class Agent {
   void handle_messages();  // in the order of stamp and sender
 
   void show_status();  // in status.json, unless that was done within the last second
+  // Why not, if it does not fly yet.
+  [[nodiscard]] std::optional<std::string> not_started() const;
   [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 

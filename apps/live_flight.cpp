@@ -4,8 +4,10 @@
 #include <spdlog/spdlog.h>
 
 #include <chrono>
+#include <cmath>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -38,6 +40,20 @@ class Complaints {
   std::map<std::string, double> told_ms_;
 };
 
+// For how long a count has not grown.
+class Silence {
+ public:
+  void hear(std::uint64_t count) {
+    if (count != count_) since_ms_ = steady_ms();
+    count_ = count;
+  }
+  [[nodiscard]] double seconds() const { return 1e-3 * (steady_ms() - since_ms_); }
+
+ private:
+  std::uint64_t count_ = 0;
+  double since_ms_ = steady_ms();
+};
+
 // What camera and IMU say, as far as it can be flown: of the right size, in the order of time.
 class LiveSensors {
  public:
@@ -45,22 +61,20 @@ class LiveSensors {
       : config_(config), link_(link), camera_(camera) {}
 
   [[nodiscard]] std::optional<CameraImage> next_image() {
-    warn_of_trouble();
     std::optional<CameraImage> image = link_.next_image(kPoll);
     if (!image) return {};
-    last_image_ms_ = steady_ms();
-    if (can_be_flown(*image)) {
-      newest_image_ns_ = image->stamp_ns;
-      return image;
+    if (!can_be_flown(*image)) {
+      ++unusable_;
+      return {};
     }
-    ++unusable_;
-    return {};
+    newest_image_ns_ = image->stamp_ns;
+    compare_clocks();
+    return image;
   }
 
   [[nodiscard]] std::vector<ImuSample> imu() {
     std::vector<ImuSample> samples;
     for (const ImuSample& sample : link_.take_imu()) {
-      last_imu_ms_ = steady_ms();
       if (sample.stamp_ns > newest_imu_ns_) {
         newest_imu_ns_ = sample.stamp_ns;
         samples.push_back(sample);
@@ -73,6 +87,20 @@ class LiveSensors {
 
   // Images that have come and were not given out.
   [[nodiscard]] std::uint64_t dropped() const { return link_.counts().images_dropped + unusable_; }
+
+  void warn_of_trouble() {
+    const OnboardCounts counts = link_.counts();
+    camera_silence_.hear(counts.images);
+    imu_silence_.hear(counts.imu_samples);
+    const std::string where = " has come for 2 s in DDS domain " + std::to_string(config_.domain) +
+                              ": does its driver run?";
+    if (camera_silence_.seconds() > kSilence_s)
+      complaints_.tell("camera", "no image on " + config_.image_topic + where);
+    if (imu_silence_.seconds() > kSilence_s)
+      complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
+    if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
+    refused_ = counts.refused;
+  }
 
  private:
   bool can_be_flown(const CameraImage& image) {
@@ -89,29 +117,29 @@ class LiveSensors {
     return false;
   }
 
-  void warn_of_trouble() {
-    constexpr double kSilence_ms = 2000;
-    const double now_ms = steady_ms();
-    const std::string where = " has come for 2 s in DDS domain " + std::to_string(config_.domain) +
-                              ": does its driver run?";
-    if (now_ms - last_image_ms_ > kSilence_ms)
-      complaints_.tell("camera", "no image on " + config_.image_topic + where);
-    if (now_ms - last_imu_ms_ > kSilence_ms)
-      complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
-    const OnboardCounts counts = link_.counts();
-    if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
-    refused_ = counts.refused;
+  // Of what has just come from both.
+  void compare_clocks() {
+    constexpr double kMostApart_s = 1;
+    const double apart_s = seconds_between(newest_imu_ns_, newest_image_ns_);
+    if (newest_imu_ns_ == 0 || std::abs(apart_s) < kMostApart_s) return;
+    if (imu_silence_.seconds() > kMostApart_s / 2) return;
+    complaints_.tell("clocks", "stamps on " + config_.image_topic + " and " + config_.imu_topic +
+                                   " are " + std::to_string(apart_s) +
+                                   " s apart: both must be of one clock, and come in time");
   }
+
+  static constexpr double kSilence_s = 2;
 
   const OnboardConfig config_;
   OnboardLink& link_;
   const CameraIntrinsics camera_;
   Complaints complaints_;
-  double last_image_ms_ = steady_ms(), last_imu_ms_ = last_image_ms_;
+  Silence camera_silence_, imu_silence_;
   TimeNs newest_image_ns_ = 0, newest_imu_ns_ = 0;
   std::uint64_t refused_ = 0, unusable_ = 0;
 };
 
+// The tracker keeps them.
 cv::Mat pixels_of(CameraImage& image) {
   const int type = image.bytes_per_pixel == 1 ? CV_8UC1 : CV_16UC1;
   return cv::Mat(image.height, image.width, type, image.pixels.data()).clone();
@@ -124,8 +152,18 @@ std::string world_name(const AgentConfig& config) {
 
 std::optional<CameraImage> first_image(LiveSensors& sensors) {
   std::optional<CameraImage> image;
-  while (!image && !stop_requested()) image = sensors.next_image();
+  while (!image && !stop_requested()) {
+    image = sensors.next_image();
+    sensors.warn_of_trouble();
+  }
   return image;
+}
+
+// Who stands on the ground and does not start wants to know why.
+void warn_of_wait(const Agent& agent, double waited_s, Complaints& complaints) {
+  constexpr double kPatience_s = 2;
+  const auto reason = agent.not_started();
+  if (reason && waited_s > kPatience_s) complaints.tell("start", "does not start yet: " + *reason);
 }
 
 // Each image as soon as the IMU has passed it.
@@ -133,6 +171,7 @@ void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
                        std::optional<CameraImage> image) {
   const double duration_s = agent.config().agent.duration_s;
   const TimeNs first_ns = image->stamp_ns;
+  Complaints complaints;
   while (!stop_requested()) {
     if (!image) image = sensors.next_image();
     if (image && duration_s > 0 && seconds_between(first_ns, image->stamp_ns) > duration_s) return;
@@ -140,8 +179,12 @@ void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     agent.add_imu(sensors.imu());
     agent.take_inbox();
     agent.handle_messages();
-    if (covered) agent.fly(image->stamp_ns, pixels_of(*image), 0);
-    if (covered) image.reset();
+    if (covered) {
+      agent.fly(image->stamp_ns, pixels_of(*image), 0);
+      warn_of_wait(agent, seconds_between(first_ns, image->stamp_ns), complaints);
+      image.reset();
+    }
+    sensors.warn_of_trouble();
     agent.show_status();
   }
 }
@@ -157,7 +200,7 @@ bool run_live_agent(const AgentConfig& config) {
   spdlog::info("listens to {} and {} in DDS domain {}", onboard.image_topic, onboard.imu_topic,
                onboard.domain);
   std::optional<CameraImage> image = first_image(sensors);
-  if (!image) return false;
+  if (!image) throw std::runtime_error("stopped before an image came on " + onboard.image_topic);
   description.thermal = description.thermal || image->bytes_per_pixel == 2;
   Agent agent(config, std::move(description), link);
   fly_until_stopped(agent, link, sensors, std::move(image));

@@ -121,7 +121,7 @@ char px4_quality(FilterStatus status) { return status == FilterStatus::kTracking
 
 }  // namespace
 
-Bytes encode_image(const CameraImage& image) {
+Bytes encode(const CameraImage& image) {
   ros_sensors::Image_ out;
   out.header(header(image.stamp_ns, "cam0"));
   out.height(static_cast<std::uint32_t>(image.height));
@@ -133,7 +133,7 @@ Bytes encode_image(const CameraImage& image) {
   return to_cdr(out);
 }
 
-Bytes encode_imu(const ImuSample& sample) {
+Bytes encode(const ImuSample& sample) {
   ros_sensors::Imu_ out;
   out.header(header(sample.stamp_ns, "imu0"));
   out.orientation().w(1);

@@ -39,8 +39,8 @@ struct BodyMotion {
 };
 
 // sensor_msgs/Image: mono8 or mono16. sensor_msgs/Imu: without orientation.
-[[nodiscard]] Bytes encode_image(const CameraImage& image);
-[[nodiscard]] Bytes encode_imu(const ImuSample& sample);
+[[nodiscard]] Bytes encode(const CameraImage& image);
+[[nodiscard]] Bytes encode(const ImuSample& sample);
 [[nodiscard]] Decoded<CameraImage> decode_image(const Bytes& bytes);
 [[nodiscard]] Decoded<ImuSample> decode_imu(const Bytes& bytes);
 

@@ -20,10 +20,10 @@ SensorPlayer::SensorPlayer(const OnboardConfig& config) : impl_(std::make_unique
 SensorPlayer::~SensorPlayer() = default;
 
 bool SensorPlayer::play(const CameraImage& image) {
-  return impl_->images.send(encode_image(image));
+  return impl_->images.send(encode(image));
 }
 
-bool SensorPlayer::play(const ImuSample& sample) { return impl_->imu.send(encode_imu(sample)); }
+bool SensorPlayer::play(const ImuSample& sample) { return impl_->imu.send(encode(sample)); }
 
 bool SensorPlayer::is_heard() const {
   return impl_->images.readers() > 0 && impl_->imu.readers() > 0;

@@ -97,7 +97,7 @@ TEST(ConfigFile, AValueOutOfRangeIsNamedWithTheRange) {
 
 TEST(ConfigFile, AnUnknownChoiceIsNamedWithTheKnownOnes) {
   EXPECT_THAT(complaint_about({{"agent", {{"pace", "slow"}}}}),
-              HasSubstr("'agent.pace' is none of max, lockstep, rate: \"slow\""));
+              HasSubstr("'agent.pace' is none of max, lockstep, rate, live: \"slow\""));
 }
 
 TEST(ConfigFile, AFailedMergeChangesNothing) {

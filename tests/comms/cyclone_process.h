@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// One covey_cyclone_client, as docs/link.md (Another vendor's client) tells to start one.
+// One of Cyclone's programs, as docs/link.md (Another vendor's client) tells to start one.
 #pragma once
 
 #include <fcntl.h>
@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "tests/comms/team_config.h"
 
@@ -27,17 +28,21 @@ inline constexpr char kNoCyclone[] =
 class CycloneClient {
  public:
   // Ready to listen once this returns.
-  CycloneClient(const LinkConfig& team, const std::string& name) {
+  CycloneClient(const LinkConfig& team, const std::string& name)
+      : CycloneClient({COVEY_CYCLONE_CLIENT, team.team, std::to_string(team.domain), name}) {}
+
+  explicit CycloneClient(const std::vector<std::string>& command) {
     int in[2], out[2];
     if (pipe2(in, O_CLOEXEC) != 0 || pipe2(out, O_CLOEXEC) != 0) std::perror("pipe2");
-    const std::string domain = std::to_string(team.domain);
+    std::vector<char*> argv;
+    for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
+    argv.push_back(nullptr);
     pid_ = fork();
     if (pid_ == 0) {
       dup2(in[0], STDIN_FILENO);
       dup2(out[1], STDOUT_FILENO);
       setenv("CYCLONEDDS_URI", "file://" COVEY_CYCLONE_CONFIG, 1);
-      execl(COVEY_CYCLONE_CLIENT, COVEY_CYCLONE_CLIENT, team.team.c_str(), domain.c_str(),
-            name.c_str(), nullptr);
+      execv(argv.front(), argv.data());
       _exit(127);
     }
     close(in[0]);

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A drone's process that hears its camera and IMU over DDS, from a recording that is played.
+#include "apps/live_flight.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <atomic>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "apps/agent.h"
+#include "apps/config_file.h"
+#include "apps/free_domain.h"
+#include "apps/json_file.h"
+#include "comms/sensor_player.h"
+#include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using testing::HasSubstr;
+
+class LiveFlight : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::copy(fs::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0", mav0_, fs::copy_options::recursive);
+    // Nobody knows where a live flight starts.
+    fs::remove_all(mav0_ / "state_groundtruth_estimate0");
+  }
+
+  // Every image, however slow this machine is.
+  [[nodiscard]] json settings(const std::string& pace) const {
+    return {{"agent",
+             {{"name", "uav0"},
+              {"mode", "solo"},
+              {"pace", pace},
+              {"image_queue", 1000},
+              {"dataset", mav0_},
+              {"out", (folder_.path() / pace).string()}}},
+            {"initialisation", {{"method", "static"}}},
+            {"onboard", {{"domain", domain_.id()}, {"reliable", true}}}};
+  }
+
+  [[nodiscard]] std::string config_file(const json& settings) const {
+    const fs::path file = folder_.path() / "config.json";
+    write_json_file(file, settings);
+    return file;
+  }
+
+  [[nodiscard]] std::vector<std::string> play(const std::string& config) const {
+    return {"play", mav0_, "--config", config, "--rate", "4"};
+  }
+
+  [[nodiscard]] json summary(const std::string& pace) const {
+    return read_json_file(folder_.path() / pace / kAgentSummaryFile);
+  }
+
+  [[nodiscard]] std::string trajectory(const std::string& pace) const {
+    return file_content(folder_.path() / pace / kTrajectoryFile);
+  }
+
+  TemporaryFolder folder_;
+  const fs::path mav0_ = folder_.path() / "mav0";
+  const FreeDomain domain_;
+};
+
+TEST_F(LiveFlight, FliesAsTheRecordingOfItDoesUntilItsTimeIsOver) {
+  constexpr double kAllButTheLastImage_s = 2.9;
+  for (const std::string pace : {"max", "live"}) {
+    json wanted = settings(pace);
+    wanted["agent"]["duration_s"] = kAllButTheLastImage_s;
+    const std::string config = config_file(wanted);
+    CoveyProcess drone({"agent", "--config", config});
+    if (pace == "live") {
+      CoveyProcess player(play(config));
+      EXPECT_EQ(player.finish(), 0) << player.output();
+      EXPECT_THAT(player.output(), HasSubstr("played 45 images"));
+    }
+    ASSERT_EQ(drone.finish(), 0) << drone.output();
+    EXPECT_EQ(summary(pace)["frames"], COVEY_TEST_FLIGHT_FRAMES - 1);
+    EXPECT_EQ(summary(pace)["frames_dropped"], 0);
+  }
+  EXPECT_GT(trajectory("max").size(), 1000U);
+  EXPECT_EQ(trajectory("live"), trajectory("max"));
+}
+
+TEST_F(LiveFlight, EndsInGoodOrderWhenItIsStopped) {
+  const std::string config = config_file(settings("live"));
+  CoveyProcess drone({"agent", "--config", config});
+  CoveyProcess player(play(config));
+  ASSERT_EQ(player.finish(), 0) << player.output();
+  drone.send(SIGTERM);
+  EXPECT_EQ(drone.finish(), 0) << drone.output();
+  EXPECT_GT(summary("live")["frames"], 0);
+}
+
+TEST_F(LiveFlight, SaysWhatIsSilentAndIsStoppedBeforeItsFirstImage) {
+  const std::string config = config_file(settings("live"));
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("no image on camera/image_raw has come for 2 s")) << drone.output();
+  ASSERT_TRUE(drone.wait_for("no sample on imu/data_raw has come for 2 s")) << drone.output();
+  drone.send(SIGTERM);
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(), HasSubstr("stopped before an image came on camera/image_raw"));
+}
+
+TEST_F(LiveFlight, ImagesOfAnotherSizeAreNotFlown) {
+  const std::string config = config_file(settings("live"));
+  const fs::path yaml = mav0_ / "cam0" / "sensor.yaml";
+  const fs::path small = folder_.path() / "small";
+  fs::copy(mav0_, small, fs::copy_options::recursive);
+  std::string text = file_content(yaml);
+  text.replace(text.find("752"), 3, "640");
+  std::ofstream(yaml) << text;
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+  CoveyProcess player({"play", small, "--config", config, "--rate", "20"});
+  EXPECT_TRUE(drone.wait_for("the image is 752x480, sensor.yaml says 640x480: not flown"))
+      << drone.output();
+}
+
+TEST_F(LiveFlight, SensorsOfTwoClocksAreTold) {
+  const OnboardConfig onboard = read_config(config_file(settings("live"))).onboard;
+  const std::string config = config_file(settings("live"));
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+  SensorPlayer player(onboard);
+  std::atomic<bool> told = false;
+  std::thread drivers([&] {
+    const CameraImage image{nanoseconds(1), 752, 480, 1,
+                            std::vector<std::uint8_t>(std::size_t{752} * 480)};
+    for (TimeNs i = 0; !told; ++i) {
+      CameraImage next = image;
+      next.stamp_ns += i * nanoseconds(0.01);
+      player.play(ImuSample{nanoseconds(1e6) + i * nanoseconds(0.01), {0, 0, 0}, {0, 0, 9.81}});
+      player.play(next);
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+  });
+  EXPECT_TRUE(drone.wait_for("s apart: both must be of one clock")) << drone.output();
+  told = true;
+  drivers.join();
+}
+
+TEST_F(LiveFlight, AStartFromGroundTruthIsRefused) {
+  json wanted = settings("live");
+  wanted["initialisation"]["method"] = "groundtruth";
+  CoveyProcess drone({"agent", "--config", config_file(wanted)});
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(), HasSubstr("set initialisation.method to static"));
+}
+
+TEST_F(LiveFlight, NobodyIsPlayedToForEver) {
+  CoveyProcess player({"play", mav0_, "--config", config_file(settings("live")), "--wait", "0"});
+  EXPECT_EQ(player.finish(), 1);
+  EXPECT_THAT(player.output(), HasSubstr("nobody listens to camera/image_raw and imu/data_raw"));
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A drone's sensors and its autopilot on the bus aboard, all in this process and on 127.0.0.1.
+#include "comms/onboard_link.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <thread>
+
+#include "comms/onboard_participant.h"
+#include "comms/onboard_topics.h"
+#include "comms/sensor_player.h"
+#include "tests/comms/samples.h"
+#include "tests/comms/team_config.h"
+
+namespace covey {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+using testing::HasSubstr;
+
+OnboardConfig onboard_config() {
+  OnboardConfig config;
+  config.domain = team_config("uav0").domain;
+  config.reliable = true;
+  config.px4_topic = "/fmu/in/vehicle_visual_odometry";
+  return config;
+}
+
+bool eventually(const std::function<bool()>& true_by_now) {
+  const auto deadline = steady_clock::now() + kPatience;
+  while (!true_by_now()) {
+    if (steady_clock::now() > deadline) return false;
+    std::this_thread::sleep_for(milliseconds(2));
+  }
+  return true;
+}
+
+CameraImage image(TimeNs stamp_ns) {
+  return {stamp_ns, 752, 480, 1, std::vector<std::uint8_t>(std::size_t{752} * 480, 77)};
+}
+
+TEST(OnboardLink, HearsEveryImageAndSampleInOrder) {
+  OnboardConfig config = onboard_config();
+  config.image_queue = 100;
+  OnboardLink drone(config, "world", "imu");
+  SensorPlayer player(config);
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  for (TimeNs i = 1; i <= 20; ++i) {
+    EXPECT_TRUE(player.play(ImuSample{i * 1000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+    EXPECT_TRUE(player.play(image(i * 1000)));
+  }
+  EXPECT_TRUE(drone.wait_for_imu(19'999, kPatience));
+  EXPECT_FALSE(drone.wait_for_imu(20'000, milliseconds(1)));
+  const std::vector<ImuSample> samples = drone.take_imu();
+  ASSERT_EQ(samples.size(), 20U);
+  for (TimeNs i = 1; i <= 20; ++i) {
+    EXPECT_EQ(samples[static_cast<std::size_t>(i) - 1].stamp_ns, i * 1000);
+    const auto heard = drone.next_image(kPatience);
+    ASSERT_TRUE(heard);
+    EXPECT_EQ(heard->stamp_ns, i * 1000);
+    EXPECT_EQ(heard->pixels, image(0).pixels);
+  }
+  EXPECT_EQ(drone.counts().images, 20U);
+  EXPECT_EQ(drone.counts().images_dropped, 0U);
+}
+
+TEST(OnboardLink, OfImagesThatWaitTheOldestIsDropped) {
+  OnboardConfig config = onboard_config();
+  config.image_queue = 2;
+  OnboardLink drone(config, "world", "imu");
+  SensorPlayer player(config);
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  for (TimeNs i = 1; i <= 5; ++i) player.play(image(i));
+  ASSERT_TRUE(eventually([&] { return drone.counts().images == 5; }));
+  EXPECT_EQ(drone.counts().images_dropped, 3U);
+  EXPECT_EQ(drone.next_image(kPatience)->stamp_ns, 4);
+  EXPECT_EQ(drone.next_image(kPatience)->stamp_ns, 5);
+  EXPECT_FALSE(drone.next_image(milliseconds(1)));
+}
+
+TEST(OnboardLink, WhatIsMalformedIsCountedWithTopicAndReason) {
+  OnboardLink drone(onboard_config(), "world", "imu");
+  OnboardParticipant other({onboard_config().domain, true});
+  OnboardWriter camera = other.write(image_topic("camera/image_raw"), Keep::kAll);
+  ASSERT_TRUE(eventually([&] { return camera.readers() > 0; }));
+  camera.send({0, 1, 0, 0, 5, 5, 5, 5});
+  ASSERT_TRUE(eventually([&] { return drone.counts().refused == 1; }));
+  EXPECT_EQ(drone.counts().last_refusal, "camera/image_raw: sample ends too early");
+  EXPECT_EQ(drone.counts().images, 0U);
+}
+
+TEST(OnboardLink, TellsRos2AndPx4WhereItIs) {
+  OnboardParticipant other({onboard_config().domain, true});
+  std::mutex mutex;
+  std::condition_variable told;
+  Bytes nav, px4;
+  const auto keep_in = [&](Bytes& here) {
+    return [&](const Bytes& bytes) {
+      const std::lock_guard lock(mutex);
+      here = bytes;
+      told.notify_all();
+    };
+  };
+  other.read(nav_odometry_topic("odometry"), false, keep_in(nav), [] {});
+  other.read(px4_odometry_topic("fmu/in/vehicle_visual_odometry"), false, keep_in(px4), [] {});
+  OnboardConfig config = onboard_config();
+  config.imu_mount_rpy = {0, 0, 0.5};
+  OnboardLink drone(config, "uav0/world", "uav0/imu");
+  BodyMotion motion;
+  motion.odometry = samples::odometry();
+  // Best effort: who has just been found may miss the first.
+  EXPECT_TRUE(eventually([&] {
+    drone.publish(motion);
+    std::unique_lock lock(mutex);
+    return told.wait_for(lock, milliseconds(20), [&] { return !nav.empty() && !px4.empty(); });
+  }));
+  EXPECT_EQ(nav, encode_nav_odometry(motion, "uav0/world", "uav0/imu"));
+  const Eigen::Quaterniond turned(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()));
+  EXPECT_EQ(px4, encode_px4_odometry(motion, turned));
+}
+
+TEST(OnboardLink, ATopicThatIsNamedTwiceIsNamed) {
+  OnboardConfig config = onboard_config();
+  config.imu_topic = config.image_topic;
+  try {
+    OnboardLink drone(config, "world", "imu");
+    FAIL() << "accepted";
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("rt/camera/image_raw"));
+  }
+}
+
+}  // namespace
+}  // namespace covey

@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Messages of ROS 2 and PX4: byte by byte as others write them, and what is refused.
+#include "comms/onboard_messages.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "comms/cdr.h"
+#include "estimator/so3.h"
+#include "idl/onboard.h"
+#include "tests/comms/samples.h"
+
+namespace covey {
+namespace {
+
+using NavOdometry = nav_msgs::msg::dds_::Odometry_;
+using Px4Odometry = px4_msgs::msg::dds_::VehicleOdometry_;
+using testing::ElementsAre;
+
+constexpr TimeNs kStamp_ns = 1'700'000'000'123'456'789;
+
+// Little-endian CDR, written by hand: each value on a multiple of its size after the header.
+class CdrBytes {
+ public:
+  template <typename Value>
+  CdrBytes& put(Value value) {
+    while ((bytes_.size() - 4) % sizeof(Value) != 0) bytes_.push_back(0);
+    std::uint8_t raw[sizeof(Value)];
+    std::memcpy(raw, &value, sizeof(Value));
+    bytes_.insert(bytes_.end(), raw, raw + sizeof(Value));
+    return *this;
+  }
+  CdrBytes& text(const std::string& value) {
+    put(static_cast<std::uint32_t>(value.size() + 1));
+    for (const char c : value) put(c);
+    return put('\0');
+  }
+  CdrBytes& octets(const std::vector<std::uint8_t>& values) {
+    put(static_cast<std::uint32_t>(values.size()));
+    for (const std::uint8_t value : values) put(value);
+    return *this;
+  }
+  CdrBytes& header(std::int32_t sec = 1'700'000'000, std::uint32_t nanosec = 123'456'789) {
+    return put(sec).put(nanosec).text("camera");
+  }
+  [[nodiscard]] const Bytes& bytes() const { return bytes_; }
+
+ private:
+  Bytes bytes_{0, 1, 0, 0};
+};
+
+// What is different in an image from one that is well.
+struct ImageFields {
+  std::uint32_t height = 2, width = 3, step = 3;
+  std::string encoding = "mono8";
+  std::uint8_t is_bigendian = 0;
+  std::vector<std::uint8_t> data = {1, 2, 3, 4, 5, 6};
+};
+
+Bytes image_bytes(const ImageFields& image) {
+  return CdrBytes()
+      .header()
+      .put(image.height)
+      .put(image.width)
+      .text(image.encoding)
+      .put(image.is_bigendian)
+      .put(image.step)
+      .octets(image.data)
+      .bytes();
+}
+
+Bytes imu_bytes(double gyro_x, std::uint32_t nanosec = 123'456'789) {
+  CdrBytes out;
+  out.header(1'700'000'000, nanosec);
+  for (const double q : {0.0, 0.0, 0.0, 1.0}) out.put(q);
+  out.put(-1.0);
+  for (int i = 1; i < 9; ++i) out.put(0.0);
+  for (const double w : {gyro_x, 0.2, 0.3}) out.put(w);
+  for (int i = 0; i < 9; ++i) out.put(0.01);
+  for (const double a : {1.0, 2.0, 9.81}) out.put(a);
+  for (int i = 0; i < 9; ++i) out.put(0.02);
+  return out.bytes();
+}
+
+CameraImage decoded_image(const ImageFields& fields) {
+  const auto decoded = decode_image(image_bytes(fields));
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
+    ADD_FAILURE() << rejected->reason;
+    return {};
+  }
+  return std::get<CameraImage>(decoded);
+}
+
+template <typename Message>
+std::string reason(const Decoded<Message>& decoded) {
+  const auto* rejected = std::get_if<Rejected>(&decoded);
+  return rejected != nullptr ? rejected->reason : "accepted";
+}
+
+template <typename Wire>
+Wire read(const Bytes& bytes) {
+  return std::get<Wire>(from_cdr<Wire>(bytes));
+}
+
+TEST(OnboardMessages, AnImageIsReadAsRos2WritesIt) {
+  const CameraImage image = decoded_image({});
+  EXPECT_EQ(image.stamp_ns, kStamp_ns);
+  EXPECT_EQ(image.width, 3);
+  EXPECT_EQ(image.height, 2);
+  EXPECT_EQ(image.bytes_per_pixel, 1);
+  EXPECT_THAT(image.pixels, ElementsAre(1, 2, 3, 4, 5, 6));
+}
+
+TEST(OnboardMessages, GapsBetweenRowsAreLeftOut) {
+  ImageFields padded;
+  padded.step = 4;
+  padded.data = {1, 2, 3, 99, 4, 5, 6, 99};
+  EXPECT_THAT(decoded_image(padded).pixels, ElementsAre(1, 2, 3, 4, 5, 6));
+}
+
+TEST(OnboardMessages, SixteenBitsAreReadInEitherByteOrder) {
+  for (const bool big : {false, true}) {
+    ImageFields fields;
+    fields.encoding = big ? "16UC1" : "mono16";
+    fields.width = fields.height = 1;
+    fields.step = 2;
+    fields.is_bigendian = big ? 1 : 0;
+    fields.data =
+        big ? std::vector<std::uint8_t>{0x12, 0x34} : std::vector<std::uint8_t>{0x34, 0x12};
+    const CameraImage image = decoded_image(fields);
+    ASSERT_EQ(image.pixels.size(), 2U);
+    std::uint16_t grey = 0;
+    std::memcpy(&grey, image.pixels.data(), 2);
+    EXPECT_EQ(grey, 0x1234);
+    EXPECT_EQ(image.bytes_per_pixel, 2);
+  }
+}
+
+TEST(OnboardMessages, AnImuSampleIsReadAsRos2WritesIt) {
+  const auto decoded = decode_imu(imu_bytes(0.1));
+  ASSERT_EQ(reason(decoded), "accepted");
+  const auto& sample = std::get<ImuSample>(decoded);
+  EXPECT_EQ(sample.stamp_ns, kStamp_ns);
+  EXPECT_EQ(sample.gyro_imu, Eigen::Vector3d(0.1, 0.2, 0.3));
+  EXPECT_EQ(sample.accel_imu, Eigen::Vector3d(1, 2, 9.81));
+}
+
+TEST(OnboardMessages, SensorsComeBackAsTheyWere) {
+  CameraImage image{kStamp_ns, 2, 1, 2, {1, 2, 3, 4}};
+  const auto image_again = decode_image(encode(image));
+  ASSERT_EQ(reason(image_again), "accepted");
+  EXPECT_EQ(std::get<CameraImage>(image_again).pixels, image.pixels);
+  EXPECT_EQ(std::get<CameraImage>(image_again).stamp_ns, kStamp_ns);
+  EXPECT_EQ(std::get<CameraImage>(image_again).bytes_per_pixel, 2);
+  const ImuSample sample{kStamp_ns, {0.1, -0.2, 0.3}, {1, 2, -9.81}};
+  const auto sample_again = decode_imu(encode(sample));
+  ASSERT_EQ(reason(sample_again), "accepted");
+  EXPECT_EQ(std::get<ImuSample>(sample_again).stamp_ns, kStamp_ns);
+  EXPECT_EQ(std::get<ImuSample>(sample_again).gyro_imu, sample.gyro_imu);
+  EXPECT_EQ(std::get<ImuSample>(sample_again).accel_imu, sample.accel_imu);
+}
+
+TEST(OnboardMessages, WhatIsNoImageIsRefusedWithItsReason) {
+  const auto refused = [](auto change) {
+    ImageFields fields;
+    change(fields);
+    return reason(decode_image(image_bytes(fields)));
+  };
+  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "bgr8"; }),
+            "encoding is neither mono8 nor mono16");
+  EXPECT_EQ(refused([](ImageFields& f) { f.width = 0; }), "image without pixels");
+  EXPECT_EQ(refused([](ImageFields& f) { f.height = 0; }), "image without pixels");
+  EXPECT_EQ(refused([](ImageFields& f) { f.width = f.step = 20'000; }), "image too large");
+  EXPECT_EQ(refused([](ImageFields& f) { f.step = 2; }), "rows of an image overlap");
+  EXPECT_EQ(refused([](ImageFields& f) { f.data.pop_back(); }), "image cut short");
+  // A step so large that its product with the height does not fit into 32 bits.
+  EXPECT_EQ(refused([](ImageFields& f) { f.step = 0x80000000; }), "image cut short");
+}
+
+TEST(OnboardMessages, StampsThatAreNoneAreRefused) {
+  EXPECT_EQ(reason(decode_imu(imu_bytes(0.1, 1'000'000'000))), "no valid stamp");
+  const Bytes before_1970 = CdrBytes()
+                                .header(-1, 0)
+                                .put(std::uint32_t{1})
+                                .put(std::uint32_t{1})
+                                .text("mono8")
+                                .put(std::uint8_t{0})
+                                .put(std::uint32_t{1})
+                                .octets({7})
+                                .bytes();
+  EXPECT_EQ(reason(decode_image(before_1970)), "no valid stamp");
+}
+
+TEST(OnboardMessages, AnImuSampleThatIsNotFiniteIsRefused) {
+  EXPECT_EQ(reason(decode_imu(imu_bytes(std::numeric_limits<double>::quiet_NaN()))),
+            "value not finite");
+  EXPECT_EQ(reason(decode_imu(imu_bytes(std::numeric_limits<double>::infinity()))),
+            "value not finite");
+}
+
+TEST(OnboardMessages, WhatEndsTooEarlyOrGoesOnIsRefused) {
+  const Bytes image = image_bytes({}), imu = imu_bytes(0.1);
+  for (std::size_t size = 0; size < image.size(); ++size)
+    EXPECT_NE(reason(decode_image(Bytes(image.begin(), image.begin() + static_cast<long>(size)))),
+              "accepted");
+  for (std::size_t size = 0; size < imu.size(); ++size)
+    EXPECT_NE(reason(decode_imu(Bytes(imu.begin(), imu.begin() + static_cast<long>(size)))),
+              "accepted");
+  Bytes longer = image;
+  longer.resize(longer.size() + 4);
+  EXPECT_EQ(reason(decode_image(longer)), "sample has bytes left over");
+}
+
+// Nothing of the claimed size is allocated: this would need four gigabytes.
+TEST(OnboardMessages, ALengthThatLiesIsRefused) {
+  Bytes image = image_bytes({});
+  const std::size_t length_at = image.size() - 6 - 4;
+  std::fill_n(image.begin() + static_cast<long>(length_at), 4, 0xff);
+  EXPECT_EQ(reason(decode_image(image)), "sample ends too early");
+}
+
+TEST(OnboardMessages, AnyBytesAreReadOrRefused) {
+  std::mt19937 random(7);
+  const Bytes image = image_bytes({}), imu = imu_bytes(0.1);
+  for (int i = 0; i < 20'000; ++i) {
+    Bytes bytes = i % 2 == 0 ? image : imu;
+    for (int change = 0; change < 3; ++change)
+      bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
+    (void)decode_image(bytes);
+    (void)decode_imu(bytes);
+  }
+}
+
+BodyMotion motion() {
+  BodyMotion out;
+  out.odometry = samples::odometry();
+  out.odometry.stamp_ns = kStamp_ns;
+  out.odometry.status = FilterStatus::kTracking;
+  out.odometry.pose.q_world_imu = exp_quaternion({0.3, -0.4, 1.2});
+  out.gyro_imu = {0.5, 0.6, 0.7};
+  out.restarts = 3;
+  return out;
+}
+
+TEST(OnboardMessages, NavOdometryHasVelocitiesInTheBodysAxes) {
+  const BodyMotion flown = motion();
+  const Pose& pose = flown.odometry.pose;
+  const auto told = read<NavOdometry>(encode_nav_odometry(flown, "world", "uav0/imu"));
+  EXPECT_EQ(told.header().stamp().sec(), 1'700'000'000);
+  EXPECT_EQ(told.header().stamp().nanosec(), 123'456'789U);
+  EXPECT_EQ(told.header().frame_id(), "world");
+  EXPECT_EQ(told.child_frame_id(), "uav0/imu");
+  EXPECT_EQ(told.pose().pose().position().x(), pose.p_world_imu.x());
+  EXPECT_EQ(told.pose().pose().orientation().w(), pose.q_world_imu.w());
+  const auto& linear = told.twist().twist().linear();
+  EXPECT_TRUE((pose.q_world_imu * Eigen::Vector3d(linear.x(), linear.y(), linear.z()))
+                  .isApprox(flown.odometry.v_world_imu, 1e-12));
+  EXPECT_EQ(told.twist().twist().angular().z(), 0.7);
+}
+
+// Monte Carlo: local rotation errors as the filter has them, seen as turns about the world's axes.
+TEST(OnboardMessages, NavOdometrysCovarianceIsAboutTheWorldsAxes) {
+  BodyMotion flown = motion();
+  Matrix6d factor = Matrix6d::Zero();
+  factor.diagonal() << 0.1, 0.2, 0.3, 0.01, 0.02, 0.03;
+  factor(3, 0) = 0.004;
+  flown.odometry.pose_covariance = factor * factor.transpose();
+  const auto told = read<NavOdometry>(encode_nav_odometry(flown, "world", "imu"));
+  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> claimed(
+      told.pose().covariance().data());
+
+  std::mt19937 random(3);
+  std::normal_distribution<double> normal;
+  const Eigen::Quaterniond& q = flown.odometry.pose.q_world_imu;
+  Matrix6d drawn = Matrix6d::Zero();
+  constexpr int kDraws = 20'000;
+  for (int i = 0; i < kDraws; ++i) {
+    Vector6d error;
+    for (int k = 0; k < 6; ++k) error[k] = normal(random);
+    error = factor * error;
+    const Eigen::Quaterniond wrong = q * exp_quaternion(error.tail<3>());
+    error.tail<3>() = log_quaternion(wrong * q.conjugate());
+    drawn += error * error.transpose() / kDraws;
+  }
+  EXPECT_LT((drawn - claimed).norm(), 0.03 * claimed.norm());
+  EXPECT_LT((drawn - claimed).bottomRightCorner(3, 3).norm(),
+            0.03 * claimed.bottomRightCorner(3, 3).norm());
+}
+
+// Vectors, not formulas: what the body's axes and the world's say of one and the same arrow.
+TEST(OnboardMessages, Px4sAxesPointForwardRightAndDown) {
+  const BodyMotion flown = motion();
+  const Pose& pose = flown.odometry.pose;
+  const Eigen::Quaterniond q_body_imu = exp_quaternion({0.2, 1.3, -0.4});
+  const auto told = read<Px4Odometry>(encode_px4_odometry(flown, q_body_imu));
+  EXPECT_EQ(told.timestamp_sample(), 1'700'000'000'123'456U);
+  EXPECT_EQ(told.pose_frame(), 2);
+  EXPECT_EQ(told.velocity_frame(), 2);
+  EXPECT_EQ(told.reset_counter(), 3);
+
+  const auto in_px4 = [](const Eigen::Vector3d& v) {
+    return Eigen::Vector3d(v.x(), -v.y(), -v.z());
+  };
+  const Eigen::Quaternionf q(told.q()[0], told.q()[1], told.q()[2], told.q()[3]);
+  for (const Eigen::Vector3d& arrow_imu :
+       {Eigen::Vector3d(1, 0, 0), Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0.1, 0.2, -0.9)}) {
+    const Eigen::Vector3d arrow_body = in_px4(q_body_imu * arrow_imu);
+    const Eigen::Vector3d arrow_world = in_px4(pose.q_world_imu * arrow_imu);
+    EXPECT_LT((q.cast<double>() * arrow_body - arrow_world).norm(), 1e-6);
+  }
+  EXPECT_NEAR(told.position()[1], -pose.p_world_imu.y(), 1e-6);
+  EXPECT_NEAR(told.velocity()[2], -flown.odometry.v_world_imu.z(), 1e-6);
+  const Eigen::Vector3d gyro_body = in_px4(q_body_imu * flown.gyro_imu);
+  for (int i = 0; i < 3; ++i)
+    EXPECT_NEAR(told.angular_velocity()[static_cast<std::size_t>(i)], gyro_body[i], 1e-6);
+}
+
+TEST(OnboardMessages, Px4IsToldVariancesInTheBodysAxes) {
+  BodyMotion flown = motion();
+  const Vector6d variances = (Vector6d() << 1, 2, 3, 0.1, 0.2, 0.3).finished();
+  flown.odometry.pose_covariance = variances.asDiagonal();
+  const Eigen::Quaterniond quarter_left(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()));
+  const auto told = read<Px4Odometry>(encode_px4_odometry(flown, quarter_left));
+  EXPECT_THAT(told.position_variance(), ElementsAre(1, 2, 3));
+  EXPECT_NEAR(told.orientation_variance()[0], 0.2, 1e-6);  // the IMU's y axis points backwards
+  EXPECT_NEAR(told.orientation_variance()[1], 0.1, 1e-6);
+  EXPECT_NEAR(told.orientation_variance()[2], 0.3, 1e-6);
+  EXPECT_TRUE(std::isnan(told.velocity_variance()[0]));
+}
+
+// Level, heading a quarter to the left: PX4's yaw grows to the right.
+TEST(OnboardMessages, ATurnToTheLeftIsANegativeYawOfPx4) {
+  BodyMotion flown = motion();
+  flown.odometry.pose.q_world_imu = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ());
+  const auto told = read<Px4Odometry>(encode_px4_odometry(flown, Eigen::Quaterniond::Identity()));
+  EXPECT_NEAR(2 * std::atan2(told.q()[3], told.q()[0]), -M_PI / 2, 1e-6);
+}
+
+TEST(OnboardMessages, Px4IsToldHowGoodItIs) {
+  BodyMotion flown = motion();
+  const auto quality = [&flown](FilterStatus status) {
+    flown.odometry.status = status;
+    return read<Px4Odometry>(encode_px4_odometry(flown, Eigen::Quaterniond::Identity())).quality();
+  };
+  EXPECT_EQ(quality(FilterStatus::kTracking), 100);
+  EXPECT_EQ(quality(FilterStatus::kDegraded), 1);
+}
+
+}  // namespace
+}  // namespace covey
