@@ -154,7 +154,8 @@ Decoded<CameraImage> decode_image(const Bytes& bytes) {
   out.width = static_cast<int>(image.width());
   out.height = static_cast<int>(image.height());
   out.bytes_per_pixel = bytes_per_pixel(image.encoding());
-  const auto row_bytes = static_cast<std::size_t>(out.width * out.bytes_per_pixel);
+  const std::size_t row_bytes =
+      std::size_t{image.width()} * static_cast<std::size_t>(out.bytes_per_pixel);
   out.pixels = without_gaps(std::move(image.data()), row_bytes, image.step(), image.height());
   const bool big_endian = image.is_bigendian() != 0;
   if (out.bytes_per_pixel == 2 && big_endian != is_big_endian_machine()) swap_bytes(out.pixels);

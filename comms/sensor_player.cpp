@@ -19,9 +19,7 @@ struct SensorPlayer::Impl {
 SensorPlayer::SensorPlayer(const OnboardConfig& config) : impl_(std::make_unique<Impl>(config)) {}
 SensorPlayer::~SensorPlayer() = default;
 
-bool SensorPlayer::play(const CameraImage& image) {
-  return impl_->images.send(encode(image));
-}
+bool SensorPlayer::play(const CameraImage& image) { return impl_->images.send(encode(image)); }
 
 bool SensorPlayer::play(const ImuSample& sample) { return impl_->imu.send(encode(sample)); }
 

@@ -11,6 +11,7 @@
 
 #include "apps/link_record.h"
 #include "comms/convert.h"
+#include "comms/onboard_messages.h"
 #include "tests/comms/samples.h"
 
 namespace {
@@ -84,6 +85,8 @@ void write_all(const std::filesystem::path& folder) {
   write(folder / "status",
         encode(covey::StatusSample{covey::samples::status(), {{1, 5, 6}, {2}}, 9}));
   write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
+  write(folder / "image", encode(covey::CameraImage{7, 4, 2, 1, std::vector<std::uint8_t>(8)}));
+  write(folder / "imu", encode(covey::ImuSample{7, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
   using Kind = covey::RecordKind;
   write(folder / "report", records({{Kind::kReport, encode(report())}}));
   write(folder / "records",
