@@ -68,7 +68,7 @@ OnboardLink::Impl::Impl(const OnboardConfig& config, std::string frame, std::str
       image_topic(config.image_topic), config.reliable,
       [this](const Bytes& bytes) { receive_image(bytes); }, unheard(config.image_topic));
   participant_.read(
-      imu_topic(config.imu_topic), config.reliable,
+      imu_topic(config.imu_topic, config.imu_message), config.reliable,
       [this](const Bytes& bytes) { receive_imu(bytes); }, unheard(config.imu_topic));
 }
 
@@ -100,7 +100,8 @@ void OnboardLink::Impl::receive_image(const Bytes& bytes) {
 
 void OnboardLink::Impl::receive_imu(const Bytes& bytes) {
   constexpr std::size_t kMostWaiting = 20'000;  // nobody takes them for 20 s, at 1 kHz
-  const Decoded<ImuSample> decoded = decode_imu(bytes);
+  const Decoded<ImuSample> decoded =
+      config_.imu_message == ImuMessage::kPx4 ? decode_px4_imu(bytes) : decode_imu(bytes);
   const std::lock_guard lock(mutex_);
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     return refuse(config_.imu_topic, rejected->reason);

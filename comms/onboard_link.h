@@ -6,6 +6,7 @@
 //   topic (ROS 2 name)                       type
 //   image_topic      camera/image_raw        sensor_msgs/Image, mono8 or mono16
 //   imu_topic        imu/data_raw            sensor_msgs/Imu, specific force with gravity
+//     or             fmu/out/sensor_combined             px4_msgs/SensorCombined, the autopilot's
 //   odometry_topic   odometry                nav_msgs/Odometry, at every image
 //   px4_topic        fmu/in/vehicle_visual_odometry      px4_msgs/VehicleOdometry, likewise
 //
@@ -26,6 +27,8 @@
 
 namespace covey {
 
+enum class ImuMessage { kRos, kPx4 };
+
 struct OnboardConfig {
   int domain = 0;             // ROS_DOMAIN_ID, 0..200
   bool loopback_only = true;  // nothing leaves 127.0.0.1; otherwise all interfaces, by multicast
@@ -33,6 +36,7 @@ struct OnboardConfig {
   bool reliable = false;
   std::string image_topic = "camera/image_raw";
   std::string imu_topic = "imu/data_raw";
+  ImuMessage imu_message = ImuMessage::kRos;
   std::string odometry_topic = "odometry";  // empty: not told
   std::string px4_topic;                    // empty: not told
   // How the IMU is mounted in PX4's body (forward, left, up): roll, pitch, yaw, rad;

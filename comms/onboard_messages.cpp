@@ -116,8 +116,17 @@ std::array<float, 3> floats(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
+Eigen::Vector3d plain(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
+
 // Per cent; 0 would mean that nothing is known of it.
 char px4_quality(FilterStatus status) { return status == FilterStatus::kTracking ? 100 : 1; }
+
+Decoded<ImuSample> checked(const ImuSample& sample) {
+  if (!is_stamp(sample.stamp_ns) || sample.stamp_ns == 0) return Rejected{"no valid stamp"};
+  if (!sample.gyro_imu.allFinite() || !sample.accel_imu.allFinite())
+    return Rejected{"value not finite"};
+  return sample;
+}
 
 }  // namespace
 
@@ -167,13 +176,28 @@ Decoded<ImuSample> decode_imu(const Bytes& bytes) {
   const auto decoded = from_cdr<ros_sensors::Imu_>(bytes);
   if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
   const auto& imu = std::get<ros_sensors::Imu_>(decoded);
-  ImuSample out;
-  out.stamp_ns = stamp_of(imu.header());
-  out.gyro_imu = plain(imu.angular_velocity());
-  out.accel_imu = plain(imu.linear_acceleration());
-  if (!is_stamp(out.stamp_ns) || out.stamp_ns == 0) return Rejected{"no valid stamp"};
-  if (!out.gyro_imu.allFinite() || !out.accel_imu.allFinite()) return Rejected{"value not finite"};
-  return out;
+  return checked(
+      {stamp_of(imu.header()), plain(imu.angular_velocity()), plain(imu.linear_acceleration())});
+}
+
+Bytes encode_px4_imu(const ImuSample& sample) {
+  px4::SensorCombined_ out;
+  out.timestamp(static_cast<std::uint64_t>(sample.stamp_ns / 1000));
+  out.gyro_rad(floats(flipped(sample.gyro_imu)));
+  out.accelerometer_m_s2(floats(flipped(sample.accel_imu)));
+  return to_cdr(out);
+}
+
+Decoded<ImuSample> decode_px4_imu(const Bytes& bytes) {
+  constexpr std::int32_t kNone = 0x7fffffff;
+  if (const Problem problem = problem_with_cdr(bytes, kPx4ImuBytes)) return Rejected{*problem};
+  const auto decoded = from_cdr<px4::SensorCombined_>(bytes);
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
+  const auto& imu = std::get<px4::SensorCombined_>(decoded);
+  if (imu.accelerometer_timestamp_relative() == kNone) return Rejected{"no specific force"};
+  if (imu.timestamp() > std::uint64_t{kMaxStampNs / 1000}) return Rejected{"no valid stamp"};
+  return checked({static_cast<TimeNs>(imu.timestamp()) * 1000, flipped(plain(imu.gyro_rad())),
+                  flipped(plain(imu.accelerometer_m_s2()))});
 }
 
 Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,

@@ -20,6 +20,7 @@ namespace covey {
 // Largest samples that are sent or accepted, bytes.
 inline constexpr std::size_t kMaxImageBytes = std::size_t{32} << 20;
 inline constexpr std::size_t kMaxImuBytes = 1024;
+inline constexpr std::size_t kPx4ImuBytes = 64;
 inline constexpr std::size_t kMaxNavOdometryBytes = 1024;
 inline constexpr std::size_t kPx4OdometryBytes = 128;
 
@@ -43,6 +44,11 @@ struct BodyMotion {
 [[nodiscard]] Bytes encode(const ImuSample& sample);
 [[nodiscard]] Decoded<CameraImage> decode_image(const Bytes& bytes);
 [[nodiscard]] Decoded<ImuSample> decode_imu(const Bytes& bytes);
+
+// px4_msgs/SensorCombined: the autopilot's own IMU. The sample's axes are forward, left, up of the
+// body.
+[[nodiscard]] Bytes encode_px4_imu(const ImuSample& sample);
+[[nodiscard]] Decoded<ImuSample> decode_px4_imu(const Bytes& bytes);
 
 // nav_msgs/Odometry of `child_frame`, the IMU, in `frame`, the world.
 [[nodiscard]] Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "comms/onboard_link.h"
 #include "comms/onboard_messages.h"
 #include "comms/onboard_participant.h"
 
@@ -13,7 +14,9 @@ namespace covey {
 inline OnboardTopic image_topic(const std::string& topic) {
   return {topic, "sensor_msgs::msg::dds_::Image_", kMaxImageBytes};
 }
-inline OnboardTopic imu_topic(const std::string& topic) {
+inline OnboardTopic imu_topic(const std::string& topic, ImuMessage message) {
+  if (message == ImuMessage::kPx4)
+    return {topic, "px4_msgs::msg::dds_::SensorCombined_", kPx4ImuBytes};
   return {topic, "sensor_msgs::msg::dds_::Imu_", kMaxImuBytes};
 }
 inline OnboardTopic nav_odometry_topic(const std::string& topic) {

@@ -101,6 +101,40 @@ TEST_F(LiveFlight, EndsInGoodOrderWhenItIsStopped) {
   EXPECT_GT(summary("live")["frames"], 0);
 }
 
+// In real time, as the radio wants it.
+TEST_F(LiveFlight, TwoInTheAirAskEachOther) {
+  const FreeDomain radio;
+  std::vector<std::string> configs;
+  for (const std::string name : {"uav0", "uav1"}) {
+    json wanted = settings("live");
+    wanted["agent"]["name"] = name;
+    wanted["agent"]["mode"] = "collaborative";
+    wanted["agent"]["dataset"] = fs::path(COVEY_TEST_FLIGHT) / name / "mav0";
+    wanted["agent"]["out"] = (folder_.path() / name).string();
+    wanted["onboard"]["image_topic"] = name + "/camera/image_raw";
+    wanted["onboard"]["imu_topic"] = name + "/imu/data_raw";
+    wanted["link"] = {{"domain", radio.id()}};
+    configs.push_back(folder_.path() / (name + ".json"));
+    write_json_file(configs.back(), wanted);
+  }
+  CoveyProcess first({"agent", "--config", configs[0]}), second({"agent", "--config", configs[1]});
+  const std::string flight = COVEY_TEST_FLIGHT;
+  CoveyProcess first_sensors({"play", flight + "/uav0/mav0", "--config", configs[0]});
+  CoveyProcess second_sensors({"play", flight + "/uav1/mav0", "--config", configs[1]});
+  EXPECT_EQ(first_sensors.finish(), 0) << first_sensors.output();
+  EXPECT_EQ(second_sensors.finish(), 0) << second_sensors.output();
+  first.send(SIGTERM);
+  second.send(SIGTERM);
+  EXPECT_EQ(first.finish(), 0) << first.output();
+  EXPECT_EQ(second.finish(), 0) << second.output();
+  for (const std::string drone : {"uav0", "uav1"}) {
+    const json told = summary(drone);
+    EXPECT_EQ(told["frames"].get<int>() + told["frames_dropped"].get<int>(),
+              COVEY_TEST_FLIGHT_FRAMES);
+    EXPECT_GT(told["link"]["request"]["received"], 0) << drone;
+  }
+}
+
 TEST_F(LiveFlight, SaysWhatIsSilentAndIsStoppedBeforeItsFirstImage) {
   const std::string config = config_file(settings("live"));
   CoveyProcess drone({"agent", "--config", config});

@@ -70,6 +70,18 @@ TEST(OnboardLink, HearsEveryImageAndSampleInOrder) {
   EXPECT_EQ(drone.counts().images_dropped, 0U);
 }
 
+TEST(OnboardLink, HearsTheAutopilotsImu) {
+  OnboardConfig config = onboard_config();
+  config.imu_message = ImuMessage::kPx4;
+  config.imu_topic = "fmu/out/sensor_combined";
+  OnboardLink drone(config, "world", "imu");
+  SensorPlayer player(config);
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  EXPECT_TRUE(player.play(ImuSample{5000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  ASSERT_TRUE(drone.wait_for_imu(4999, kPatience));
+  EXPECT_NEAR(drone.take_imu().front().accel_imu.z(), 9.81, 1e-5);
+}
+
 TEST(OnboardLink, OfImagesThatWaitTheOldestIsDropped) {
   OnboardConfig config = onboard_config();
   config.image_queue = 2;

@@ -151,6 +151,35 @@ TEST(OnboardMessages, AnImuSampleIsReadAsRos2WritesIt) {
   EXPECT_EQ(sample.accel_imu, Eigen::Vector3d(1, 2, 9.81));
 }
 
+Bytes px4_imu_bytes(float gyro_y, std::int32_t accelerometer_at = 0) {
+  CdrBytes out;
+  out.put(std::uint64_t{1'700'000'000'123'456});
+  for (const float w : {0.1F, gyro_y, 0.3F}) out.put(w);
+  out.put(std::uint32_t{5000}).put(accelerometer_at);
+  for (const float a : {1.0F, 2.0F, -9.8125F}) out.put(a);
+  out.put(std::uint32_t{5000});
+  for (int i = 0; i < 4; ++i) out.put(std::uint8_t{0});
+  return out.bytes();
+}
+
+TEST(OnboardMessages, AnAutopilotsImuIsReadAsPx4WritesIt) {
+  const auto decoded = decode_px4_imu(px4_imu_bytes(0.25F));
+  ASSERT_EQ(reason(decoded), "accepted");
+  const auto& sample = std::get<ImuSample>(decoded);
+  EXPECT_EQ(sample.stamp_ns, 1'700'000'000'123'456'000);
+  EXPECT_EQ(sample.gyro_imu, Eigen::Vector3d(0.1F, -0.25, -0.3F));
+  EXPECT_EQ(sample.accel_imu, Eigen::Vector3d(1, -2, 9.8125)) << "at rest it points upwards";
+}
+
+TEST(OnboardMessages, AnAutopilotsImuThatMeasuresNothingIsRefused) {
+  EXPECT_EQ(reason(decode_px4_imu(px4_imu_bytes(0.25F, 0x7fffffff))), "no specific force");
+  EXPECT_EQ(reason(decode_px4_imu(px4_imu_bytes(std::numeric_limits<float>::quiet_NaN()))),
+            "value not finite");
+  Bytes late = px4_imu_bytes(0.25F);
+  std::fill_n(late.begin() + 4, 8, 0xff);
+  EXPECT_EQ(reason(decode_px4_imu(late)), "no valid stamp");
+}
+
 TEST(OnboardMessages, SensorsComeBackAsTheyWere) {
   CameraImage image{kStamp_ns, 2, 1, 2, {1, 2, 3, 4}};
   const auto image_again = decode_image(encode(image));
@@ -164,6 +193,11 @@ TEST(OnboardMessages, SensorsComeBackAsTheyWere) {
   EXPECT_EQ(std::get<ImuSample>(sample_again).stamp_ns, kStamp_ns);
   EXPECT_EQ(std::get<ImuSample>(sample_again).gyro_imu, sample.gyro_imu);
   EXPECT_EQ(std::get<ImuSample>(sample_again).accel_imu, sample.accel_imu);
+  const auto from_px4 = decode_px4_imu(encode_px4_imu(sample));
+  ASSERT_EQ(reason(from_px4), "accepted");
+  EXPECT_EQ(std::get<ImuSample>(from_px4).stamp_ns, kStamp_ns / 1000 * 1000) << "microseconds";
+  EXPECT_LT((std::get<ImuSample>(from_px4).gyro_imu - sample.gyro_imu).norm(), 1e-6);
+  EXPECT_LT((std::get<ImuSample>(from_px4).accel_imu - sample.accel_imu).norm(), 1e-5);
 }
 
 TEST(OnboardMessages, WhatIsNoImageIsRefusedWithItsReason) {
@@ -205,7 +239,11 @@ TEST(OnboardMessages, AnImuSampleThatIsNotFiniteIsRefused) {
 }
 
 TEST(OnboardMessages, WhatEndsTooEarlyOrGoesOnIsRefused) {
-  const Bytes image = image_bytes({}), imu = imu_bytes(0.1);
+  const Bytes image = image_bytes({}), imu = imu_bytes(0.1), px4_imu = px4_imu_bytes(0.1F);
+  for (std::size_t size = 0; size < px4_imu.size(); ++size)
+    EXPECT_NE(
+        reason(decode_px4_imu(Bytes(px4_imu.begin(), px4_imu.begin() + static_cast<long>(size)))),
+        "accepted");
   for (std::size_t size = 0; size < image.size(); ++size)
     EXPECT_NE(reason(decode_image(Bytes(image.begin(), image.begin() + static_cast<long>(size)))),
               "accepted");
@@ -234,6 +272,7 @@ TEST(OnboardMessages, AnyBytesAreReadOrRefused) {
       bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
     (void)decode_image(bytes);
     (void)decode_imu(bytes);
+    (void)decode_px4_imu(bytes);
   }
 }
 

@@ -87,6 +87,7 @@ void write_all(const std::filesystem::path& folder) {
   write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
   write(folder / "image", encode(covey::CameraImage{7, 4, 2, 1, std::vector<std::uint8_t>(8)}));
   write(folder / "imu", encode(covey::ImuSample{7, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  write(folder / "px4_imu", encode_px4_imu({7000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
   using Kind = covey::RecordKind;
   write(folder / "report", records({{Kind::kReport, encode(report())}}));
   write(folder / "records",
