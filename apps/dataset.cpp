@@ -193,6 +193,10 @@ GroundTruth read_ground_truth(const fs::path& csv) {
   return truth;
 }
 
+fs::path ground_truth_file(const fs::path& mav0) {
+  return mav0 / "state_groundtruth_estimate0" / "data.csv";
+}
+
 Dataset read_sensors(const fs::path& mav0) {
   Dataset dataset;
   const CameraCalibration camera = read_camera_file(mav0 / "cam0" / "sensor.yaml");
@@ -216,9 +220,8 @@ Dataset read_dataset(const fs::path& mav0) {
   dataset.imu_gaps = find_gaps(dataset.imu);
   for (const ImuGap& gap : dataset.imu_gaps) dataset.warnings.push_back(gap_warning(imu_csv, gap));
 
-  const fs::path truth_folder = mav0 / "state_groundtruth_estimate0";
-  if (fs::exists(truth_folder)) {
-    const fs::path truth_csv = truth_folder / "data.csv";
+  const fs::path truth_csv = ground_truth_file(mav0);
+  if (fs::exists(truth_csv.parent_path())) {
     dataset.ground_truth = read_ground_truth(truth_csv);
     const std::vector<TrueState>& states = dataset.ground_truth->states;
     require_overlap(images, {truth_csv, states.front().stamp_ns, states.back().stamp_ns},

@@ -58,6 +58,9 @@ struct Dataset {
 
 [[nodiscard]] Dataset read_dataset(const std::filesystem::path& mav0);
 
+// Where a dataset has its ground truth, if it has any.
+[[nodiscard]] std::filesystem::path ground_truth_file(const std::filesystem::path& mav0);
+
 // What sensor.yaml says of camera and IMU, and nothing they recorded.
 [[nodiscard]] Dataset read_sensors(const std::filesystem::path& mav0);
 

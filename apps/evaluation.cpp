@@ -115,13 +115,6 @@ Moments moments(const std::vector<PosePair>& pairs) {
   return m;
 }
 
-// The rotation about z that maximises trace(R^T C): d/dyaw of the trace is zero.
-Eigen::Matrix3d best_yaw(const Eigen::Matrix3d& truth_estimate) {
-  const double yaw = std::atan2(truth_estimate(1, 0) - truth_estimate(0, 1),
-                                truth_estimate(0, 0) + truth_estimate(1, 1));
-  return Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-}
-
 // Umeyama, PAMI 1991, eq. 40..42.
 Similarity umeyama(const Moments& m, bool with_scale) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m.truth_estimate,
@@ -216,7 +209,9 @@ Similarity align(const std::vector<PosePair>& pairs, Alignment alignment) {
   const Moments m = moments(pairs);
   Similarity similarity;
   if (alignment == Alignment::kPosYaw) {
-    similarity.R_truth_estimate = best_yaw(m.truth_estimate);
+    similarity.R_truth_estimate =
+        Eigen::AngleAxisd(nearest_yaw(m.truth_estimate), Eigen::Vector3d::UnitZ())
+            .toRotationMatrix();
   } else {
     similarity = umeyama(m, alignment == Alignment::kSim3);
   }

@@ -165,9 +165,8 @@ std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interva
                                         ThermalMode thermal) {
   const Dataset dataset = read_recording(drone.mav0);
   if (!dataset.ground_truth) {
-    throw std::runtime_error(drone.mav0.string() +
-                             ": has no ground truth (state_groundtruth_estimate0/data.csv): which "
-                             "views show the same place is not known");
+    throw std::runtime_error(ground_truth_file(drone.mav0).string() +
+                             ": is not there: which views show the same place is not known");
   }
   Surveyor surveyor(drone, dataset, interval_s, thermal);
   for (const ImageEntry& image : dataset.images) surveyor.see(image);

@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "apps/dataset.h"
 #include "apps/png_file.h"
 #include "apps/progress.h"
 #include "apps/recorded_flight.h"
@@ -48,7 +49,7 @@ void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
   write_camera_file(mav0 / "cam0" / "sensor.yaml", camera);
   write_imu_file(mav0 / "imu0" / "sensor.yaml", plan.imu_noise, 200, plan.imu_comment);
   write_imu_csv(mav0 / "imu0" / "data.csv", plan.imu.samples);
-  write_ground_truth_csv(mav0 / "state_groundtruth_estimate0" / "data.csv", drone.true_states());
+  write_ground_truth_csv(ground_truth_file(mav0), drone.true_states());
 
   ImageList list(mav0 / "cam0");
   std::optional<ImageList> raw_list;

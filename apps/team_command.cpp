@@ -67,8 +67,7 @@ std::vector<DroneFolder> chosen_drones(const Options& options) {
 std::vector<std::string> without_ground_truth(const std::vector<DroneFolder>& drones) {
   std::vector<std::string> names;
   for (const DroneFolder& drone : drones) {
-    const fs::path truth = drone.mav0 / "state_groundtruth_estimate0" / "data.csv";
-    if (!fs::exists(truth)) names.push_back(drone.name);
+    if (!fs::exists(ground_truth_file(drone.mav0))) names.push_back(drone.name);
   }
   return names;
 }

@@ -38,7 +38,7 @@ AgentSummary from_timings(const std::vector<TimingRecord>& timings) {
 }
 
 std::optional<StampedPoses> ground_truth_of(const DroneFolder& drone) {
-  const fs::path file = drone.mav0 / "state_groundtruth_estimate0" / "data.csv";
+  const fs::path file = ground_truth_file(drone.mav0);
   if (!fs::exists(file)) return std::nullopt;
   return to_trajectory(read_ground_truth(file));
 }

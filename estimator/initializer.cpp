@@ -41,8 +41,7 @@ double heading_of(const Eigen::Quaterniond& q_world_imu) {
 
 double yaw_between(const Eigen::Quaterniond& from_world_imu,
                    const Eigen::Quaterniond& to_world_imu) {
-  const Eigen::Quaterniond turn = to_world_imu * from_world_imu.conjugate();
-  return std::remainder(2 * std::atan2(turn.z(), turn.w()), 2 * M_PI);
+  return nearest_yaw((to_world_imu * from_world_imu.conjugate()).toRotationMatrix());
 }
 
 Eigen::Quaterniond turned_about_z(double yaw, const Eigen::Quaterniond& q_world_imu) {

@@ -38,6 +38,11 @@ namespace covey {
   return log_quaternion(Eigen::Quaterniond(R));
 }
 
+// Of the rotation about z that is nearest to R, rad: it maximises trace(Rz(yaw)^T R).
+[[nodiscard]] inline double nearest_yaw(const Eigen::Matrix3d& R) {
+  return std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1));
+}
+
 // Exp(theta + d) = Exp(theta) Exp(Jr(theta) d) to first order (Sola 2018, eq. 143).
 [[nodiscard]] inline Eigen::Matrix3d right_jacobian_so3(const Eigen::Vector3d& theta) {
   const double a2 = theta.squaredNorm();

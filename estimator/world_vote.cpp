@@ -5,19 +5,20 @@
 #include <cmath>
 #include <utility>
 
+#include "estimator/so3.h"
+
 namespace covey {
 namespace {
 
 constexpr std::size_t kMaxCandidates = 30;
-
-double yaw_of(const Eigen::Matrix3d& R) { return std::atan2(R(1, 0) - R(0, 1), R(0, 0) + R(1, 1)); }
 
 double tilt_of(const Eigen::Matrix3d& R) { return std::acos(std::clamp(R(2, 2), -1.0, 1.0)); }
 
 bool agree(const WorldVoteConfig& config, const RelativePose& a, const RelativePose& b) {
   const Eigen::Isometry3d T_a = world_of(a), T_b = world_of(b);
   const Eigen::Vector3d p = a.other.T_world_cam.translation();
-  const double yaw = std::remainder(yaw_of(T_a.linear()) - yaw_of(T_b.linear()), 2 * M_PI);
+  const double yaw =
+      std::remainder(nearest_yaw(T_a.linear()) - nearest_yaw(T_b.linear()), 2 * M_PI);
   return (T_a * p - T_b * p).norm() < config.agree_m && std::abs(yaw) < config.agree_rad;
 }
 
@@ -56,7 +57,7 @@ Eigen::Isometry3d world_of(const RelativePose& measurement) {
 Eigen::Isometry3d levelled(const Eigen::Isometry3d& T, const Eigen::Vector3d& p_peer) {
   Eigen::Isometry3d level = Eigen::Isometry3d::Identity();
   level.linear() =
-      Eigen::AngleAxisd(yaw_of(T.linear()), Eigen::Vector3d::UnitZ()).toRotationMatrix();
+      Eigen::AngleAxisd(nearest_yaw(T.linear()), Eigen::Vector3d::UnitZ()).toRotationMatrix();
   level.translation() = T * p_peer - level.linear() * p_peer;
   return level;
 }
