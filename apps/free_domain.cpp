@@ -12,8 +12,9 @@
 namespace covey {
 
 FreeDomain::FreeDomain() {
-  // Domain 0 is everybody's default; ports of domains above 100 overlap the ephemeral ones.
-  constexpr int kFirst = 1, kLast = 100;
+  // Domain 0 is everybody's default; ports of domains above 100 overlap the ephemeral ones; those
+  // above 60 are for links that are made in one process (tests/comms/team_config.h).
+  constexpr int kFirst = 1, kLast = 60;
   const std::filesystem::path folder = std::filesystem::temp_directory_path();
   const int start = getpid() % (kLast - kFirst + 1);
   for (int i = 0; i <= kLast - kFirst; ++i) {

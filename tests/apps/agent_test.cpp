@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/free_domain.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
 
@@ -140,9 +141,9 @@ TEST(StatusFile, IsDueASecondAfterItWasWritten) {
 
 TEST(Agent, AStatusThatCannotBeWrittenEndsNoFlight) {
   const TemporaryFolder folder;
-  const json settings = {
-      {"agent", {{"pace", "rate"}, {"duration_s", 1.5}}},
-      {"link", {{"team", "test" + std::to_string(getpid())}, {"domain", 101 + getpid() % 90}}}};
+  const FreeDomain domain;
+  const json settings = {{"agent", {{"pace", "rate"}, {"duration_s", 1.5}}},
+                         {"link", {{"domain", domain.id()}}}};
   const fs::path config = folder.write("agent.json", settings.dump());
   // What is written beside the file before it takes its place.
   (void)folder.write("out/status.json.part/in_the_way", "");

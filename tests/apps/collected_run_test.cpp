@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "apps/agent.h"
+#include "apps/free_domain.h"
 #include "apps/json_file.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
@@ -27,9 +28,8 @@ class CollectedFlight : public testing::Test {
   [[nodiscard]] fs::path run() const { return folder_.path() / "run"; }
 
   std::string config() {
-    const json settings = {
-        {"agent", {{"pace", "rate"}, {"real_time_factor", 2}}},
-        {"link", {{"team", "test" + std::to_string(getpid())}, {"domain", 101 + getpid() % 90}}}};
+    const json settings = {{"agent", {{"pace", "rate"}, {"real_time_factor", 2}}},
+                           {"link", {{"domain", domain_.id()}}}};
     return folder_.write("agent.json", settings.dump()).string();
   }
 
@@ -56,6 +56,7 @@ class CollectedFlight : public testing::Test {
   }
 
   TemporaryFolder folder_;
+  FreeDomain domain_;
   std::string output_;
 };
 
