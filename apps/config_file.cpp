@@ -129,6 +129,14 @@ void require_possible(const AgentConfig& config) {
         "initialisation.method to static");
   }
   if (config.agent.mode == FlightMode::kSolo) return;
+  const bool shares_interfaces = !config.onboard.loopback_only && !config.link.loopback_only;
+  if (config.agent.pace == Pace::kLive && shares_interfaces &&
+      config.onboard.domain == config.link.domain) {
+    throw std::runtime_error(
+        "onboard.domain and link.domain are both " + std::to_string(config.link.domain) +
+        ", and both use the interfaces of the network: other drones would look for this one where "
+        "its camera is heard; give one of them another number");
+  }
   if (config.agent.wait_for_peers >= config.link.max_agents) {
     throw std::runtime_error("agent.wait_for_peers is " +
                              std::to_string(config.agent.wait_for_peers) +

@@ -173,6 +173,30 @@ TEST(AgentConfig, NobodyWaitsForMoreThanATeamMayBe) {
   EXPECT_NO_THROW(require_possible(config));
 }
 
+TEST(AgentConfig, ALiveFlightHasNoGroundTruthToStartFrom) {
+  AgentConfig config;
+  config.agent.pace = Pace::kLive;
+  config.initialisation.method = InitMethod::kGroundTruth;
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("initialisation.method to static")));
+  config.initialisation.method = InitMethod::kStatic;
+  EXPECT_NO_THROW(require_possible(config));
+}
+
+TEST(AgentConfig, RadioAndSensorsAreNotHeardAtOneAddress) {
+  AgentConfig config;
+  config.agent.pace = Pace::kLive;
+  config.initialisation.method = InitMethod::kStatic;
+  config.onboard.loopback_only = config.link.loopback_only = false;
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("onboard.domain and link.domain")));
+  config.onboard.loopback_only = true;
+  EXPECT_NO_THROW(require_possible(config));
+  config.onboard.loopback_only = false;
+  config.onboard.domain = 1;
+  EXPECT_NO_THROW(require_possible(config));
+}
+
 TEST(AgentConfig, WithoutACommonStartPeersMayBeAnywhere) {
   AgentConfig config;
   const VerificationConfig near = collaborator_config(config).matching.verification;
