@@ -21,6 +21,7 @@
 
 #include "comms/byte_type.h"
 #include "comms/dds_log.h"
+#include "comms/participant_deleter.h"
 #include "comms/qos.h"
 
 namespace covey {
@@ -30,10 +31,12 @@ namespace dds = eprosima::fastdds::dds;
 using eprosima::fastrtps::types::ReturnCode_t;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kMaxBlocking{1000};
+constexpr milliseconds kMaxBlocking{5000};
 
 void require(bool good, const std::string& complaint) {
-  if (!good) throw std::runtime_error("onboard: " + complaint + "; DDS says: " + dds_errors().last);
+  if (good) return;
+  const std::string said = dds_errors().last;
+  throw std::runtime_error("onboard: " + complaint + (said.empty() ? "" : "; DDS says: " + said));
 }
 
 // What ROS 2's middleware makes of the name of a topic.
@@ -113,9 +116,6 @@ class Listener : public dds::DataReaderListener {
 class OnboardParticipant::Impl {
  public:
   explicit Impl(const OnboardNetwork& network);
-  ~Impl();
-  Impl(const Impl&) = delete;
-  Impl& operator=(const Impl&) = delete;
 
   void read(const OnboardTopic& topic, bool reliable, std::unique_ptr<Listener> listener);
   dds::DataWriter* write(const OnboardTopic& topic, Keep keep);
@@ -124,7 +124,7 @@ class OnboardParticipant::Impl {
   dds::Topic* create_topic(const OnboardTopic& topic);
 
   std::vector<std::unique_ptr<Listener>> listeners_;  // outlive the participant that calls them
-  dds::DomainParticipant* participant_;
+  ParticipantOwner participant_;
   dds::Publisher* publisher_ = nullptr;
   dds::Subscriber* subscriber_ = nullptr;
 };
@@ -142,14 +142,10 @@ OnboardParticipant::Impl::Impl(const OnboardNetwork& network)
           "cannot create DDS publisher and subscriber: out of memory?");
 }
 
-OnboardParticipant::Impl::~Impl() {
-  participant_->delete_contained_entities();
-  dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
-}
-
 dds::Topic* OnboardParticipant::Impl::create_topic(const OnboardTopic& topic) {
+  require(!topic.topic.empty(), "the topic of " + topic.type + " has no name");
   const dds::TypeSupport type(new ByteType(topic.type, topic.max_bytes));
-  require(type.register_type(participant_) == ReturnCode_t::RETCODE_OK,
+  require(type.register_type(participant_.get()) == ReturnCode_t::RETCODE_OK,
           "cannot register DDS type " + topic.type);
   const std::string name = wire_name(topic.topic);
   dds::Topic* out = participant_->create_topic(name, topic.type, dds::TOPIC_QOS_DEFAULT);

@@ -37,7 +37,7 @@ enum class Keep {
 // As long as its participant.
 class OnboardWriter {
  public:
-  bool send(Bytes bytes);  // false: not taken within a second
+  bool send(Bytes bytes);  // false: not taken within five seconds
   [[nodiscard]] int readers() const;
   [[nodiscard]] bool wait_until_received(std::chrono::milliseconds patience);
 

@@ -25,6 +25,7 @@
 #include "comms/link_events.h"
 #include "comms/link_state.h"
 #include "comms/outbox.h"
+#include "comms/participant_deleter.h"
 #include "comms/qos.h"
 
 namespace covey {
@@ -84,14 +85,6 @@ TeamWatch team_watch(const LinkConfig& config) {
   watch.others = other_drones(config);
   return watch;
 }
-
-struct ParticipantDeleter {
-  void operator()(dds::DomainParticipant* participant) const {
-    participant->set_listener(nullptr);
-    participant->delete_contained_entities();
-    dds::DomainParticipantFactory::get_instance()->delete_participant(participant);
-  }
-};
 
 // A description replaces the last one of its endpoint. That of the oldest leaves no hole in what is
 // offered, of which a peer would have to be told first.
@@ -168,7 +161,7 @@ class PeerLink::Impl {
   ReaderEvents request_read_{state_, Kind::kRequest, Channel::kRequestIn};
   ReaderEvents message_read_{state_, message_kind_, Channel::kMessageIn};
   ReaderEvents status_read_{state_, Kind::kStatus, Channel::kStatusIn};
-  std::unique_ptr<dds::DomainParticipant, ParticipantDeleter> participant_;
+  ParticipantOwner participant_;
   // Owned by the participant.
   dds::Publisher* publisher_ = nullptr;
   dds::Subscriber* subscriber_ = nullptr;

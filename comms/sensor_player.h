@@ -19,7 +19,7 @@ class SensorPlayer {
   SensorPlayer(const SensorPlayer&) = delete;
   SensorPlayer& operator=(const SensorPlayer&) = delete;
 
-  // False: a reader that asks for every sample has not taken the old ones within a second.
+  // False: a reader that asks for every sample has not taken the old ones within five seconds.
   bool play(const CameraImage& image);
   bool play(const ImuSample& sample);
 

@@ -53,7 +53,8 @@ class Aboard {
     ++ticks_;
     std::string frame = "frame", encoding = "mono8";
     Imu imu{};
-    imu.header.stamp = {5, ticks_ * kPeriod_ms * 1'000'000U};
+    const std::uint32_t now_ms = ticks_ * kPeriod_ms;
+    imu.header.stamp = {static_cast<std::int32_t>(5 + now_ms / 1000), now_ms % 1000 * 1'000'000};
     imu.header.frame_id = frame.data();
     imu.angular_velocity = {0.1, 0.2, 0.3};
     imu.linear_acceleration = {1, 2, 9.81};
