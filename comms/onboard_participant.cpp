@@ -41,7 +41,8 @@ void require(bool good, const std::string& complaint) {
 
 // What ROS 2's middleware makes of the name of a topic.
 std::string wire_name(const std::string& topic) {
-  return topic.front() == '/' ? "rt" + topic : "rt/" + topic;
+  const bool has_slash = topic.rfind('/', 0) == 0;
+  return has_slash ? "rt" + topic : "rt/" + topic;
 }
 
 std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport(bool loopback_only) {
