@@ -93,7 +93,10 @@ void play(const Dataset& recording, const OnboardConfig& onboard, const Options&
     if (!player.play(image)) ++refused;
     progress.show(++played);
   }
-  if (!stop_requested()) play_imu_until(recording.imu.back().stamp_ns);
+  // The last image is flown once the IMU has passed it.
+  constexpr double kBeyondLastImage_s = 0.5;
+  if (!stop_requested())
+    play_imu_until(recording.images.back().stamp_ns + nanoseconds(kBeyondLastImage_s));
   constexpr milliseconds kFarewell{5000};
   (void)player.wait_until_received(kFarewell);
   std::printf("played %zu images and %zu IMU samples\n", played, next_imu);
