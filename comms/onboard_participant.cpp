@@ -47,7 +47,7 @@ std::string wire_name(const std::string& topic) {
 
 std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport(bool loopback_only) {
   constexpr std::uint32_t kSocketBuffer = 4 << 20;  // a few images, where the system grants it
-  constexpr std::uint32_t kProgramsOnBoard = 16;    // whose ports are looked at
+  constexpr std::uint32_t kProgramsOnBoard = 64;    // whose ports are looked at
   auto out = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   out->sendBufferSize = out->receiveBufferSize = kSocketBuffer;
   out->maxInitialPeersRange = kProgramsOnBoard;
@@ -65,6 +65,7 @@ dds::DomainParticipantQos participant_qos(const OnboardNetwork& network) {
     eprosima::fastrtps::rtps::Locator_t here;
     eprosima::fastrtps::rtps::IPLocator::setIPv4(here, "127.0.0.1");
     qos.wire_protocol().builtin.initialPeersList.push_back(here);
+    sit_on_first_ports({"127.0.0.1"}, network.domain, qos.wire_protocol());
   }
   return qos;
 }

@@ -51,18 +51,9 @@ void look_on(const std::vector<std::string>& hosts, dds::WireProtocolConfigQos& 
   for (const std::string& host : hosts) wire.builtin.initialPeersList.push_back(locator(host, 0));
 }
 
-// The first participant's ports, or the next free ones: Fast DDS tries them in turn. Left to
-// itself, it would count participants per process, and a link that was renewed often enough would
-// sit on a port where nobody looks.
-void sit_on_first_ports(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
-  std::vector<std::string> addresses = own_interfaces(config);
-  if (addresses.empty()) addresses = {"0.0.0.0"};
-  const auto domain = static_cast<std::uint32_t>(config.domain);
-  for (const std::string& address : addresses) {
-    const std::uint32_t port = wire.port.getUnicastPort(domain, 0);
-    wire.builtin.metatrafficUnicastLocatorList.push_back(locator(address, port));
-    wire.default_unicast_locator_list.push_back(locator(address, port + 1));
-  }
+std::vector<std::string> own_addresses(const LinkConfig& config) {
+  const std::vector<std::string> named = own_interfaces(config);
+  return named.empty() ? std::vector<std::string>{"0.0.0.0"} : named;
 }
 
 // A super client is told of all topics, not only of those that it already has: from their topics
@@ -89,10 +80,10 @@ void set_discovery(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
   switch (discovery_mode(config)) {
     case DiscoveryMode::kUnicast:
       look_on(config.loopback_only ? own_interfaces(config) : config.initial_peers, wire);
-      return sit_on_first_ports(config, wire);
+      return sit_on_first_ports(own_addresses(config), config.domain, wire);
     case DiscoveryMode::kServer:
       ask_server(config.discovery_server, wire);
-      return sit_on_first_ports(config, wire);
+      return sit_on_first_ports(own_addresses(config), config.domain, wire);
     case DiscoveryMode::kMulticast:
       return;  // which Fast DDS sets up by itself
   }
@@ -198,6 +189,15 @@ void set_publishing(const TopicProfile& topic, dds::DataWriterQos& qos) {
 Duration_t duration(milliseconds time) {
   return {static_cast<std::int32_t>(time.count() / 1000),
           static_cast<std::uint32_t>(time.count() % 1000 * 1000000)};
+}
+
+void sit_on_first_ports(const std::vector<std::string>& addresses, int domain,
+                        dds::WireProtocolConfigQos& wire) {
+  for (const std::string& address : addresses) {
+    const std::uint32_t port = wire.port.getUnicastPort(static_cast<std::uint32_t>(domain), 0);
+    wire.builtin.metatrafficUnicastLocatorList.push_back(locator(address, port));
+    wire.default_unicast_locator_list.push_back(locator(address, port + 1));
+  }
 }
 
 std::shared_ptr<UDPv4TransportDescriptor> udp_transport(const LinkConfig& config) {

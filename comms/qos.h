@@ -6,8 +6,7 @@
 //   One answer topic per receiver, so that the others' radios stay silent: measured, wire x1.16 at
 //     the publisher; a shared topic with filtering readers x3.44 with four drones.
 //   UDP only. Shared memory leaves segments behind when a process is killed, and 10 kB/s do not
-//   need
-//     it.
+//     need it.
 //   Bounded memory everywhere: number of participants, endpoints, samples and the size of a sample,
 //     because a hostile packet may claim any of them.
 //   Odometry: nothing on board depends on who listens.
@@ -20,6 +19,8 @@
 #include <fastdds/dds/publisher/qos/DataWriterQos.hpp>
 #include <fastdds/dds/subscriber/qos/DataReaderQos.hpp>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "comms/counting_transport.h"
 #include "comms/link_state.h"
@@ -28,6 +29,12 @@
 namespace covey {
 
 [[nodiscard]] eprosima::fastrtps::Duration_t duration(std::chrono::milliseconds time);
+
+// The first participant's ports, or the next free ones: Fast DDS tries them in turn. Left to
+// itself, it would count participants per process, and a link that was renewed often enough would
+// sit on a port where nobody looks.
+void sit_on_first_ports(const std::vector<std::string>& addresses, int domain,
+                        eprosima::fastdds::dds::WireProtocolConfigQos& wire);
 
 [[nodiscard]] std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> udp_transport(
     const LinkConfig& config);

@@ -8,8 +8,10 @@
 
 #include <condition_variable>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
@@ -69,6 +71,18 @@ TEST(OnboardLink, HearsEveryImageAndSampleInOrder) {
   }
   EXPECT_EQ(drone.counts().images, 20U);
   EXPECT_EQ(drone.counts().images_dropped, 0U);
+}
+
+// Fast DDS looks at so many ports of 127.0.0.1 as it is told to.
+TEST(OnboardLink, HearsADriverAmongManyPrograms) {
+  constexpr int kPrograms = 24;
+  std::vector<std::unique_ptr<OnboardParticipant>> others;
+  for (int i = 0; i < kPrograms; ++i)
+    others.push_back(
+        std::make_unique<OnboardParticipant>(OnboardNetwork{onboard_config().domain, true}));
+  const OnboardLink drone(onboard_config(), "world", "imu");
+  const SensorPlayer player(onboard_config());
+  EXPECT_TRUE(eventually([&] { return player.is_heard(); }));
 }
 
 TEST(OnboardLink, HearsTheAutopilotsImu) {
