@@ -374,8 +374,9 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
   WorldVoteConfig& alignment = fusion.drift.alignment;
   v.count("alignment_votes", alignment.votes, {2, 100},
           "relative poses that must agree before a peer's world is aligned");
-  v.number("alignment_spread_m", alignment.spread_m, {0, 1e4},
-           "[m] between the farthest of them: one place is not enough");
+  v.number("alignment_spread", alignment.spread, {0, 100},
+           "[rad] by which the most different of their views differ (way over depth, plus the "
+           "angle): one view is not enough");
   v.number("alignment_agree_m", alignment.agree_m, {1e-3, 100}, "[m]");
   v.angle("alignment_agree_deg", alignment.agree_rad, {0.01, 90}, "[deg]");
   v.angle("alignment_max_tilt_deg", alignment.max_tilt_rad, {0.01, 90},

@@ -263,7 +263,7 @@ std::optional<FeatureExchange::Told> FeatureExchange::tell(std::size_t drone,
   const auto message = deliver(drone, as_told(found, drones_[drone].name));
   if (!message) return std::nullopt;
   return Told{static_cast<std::size_t>(receiver - drones_.begin()),
-              found_by_peer(*message, own->pose, own->before)};
+              found_by_peer(*message, own->pose, own->before, own->mean_depth)};
 }
 
 // The rough relative pose, which geometric verification finds from descriptors, is the true one.
@@ -276,6 +276,7 @@ std::optional<KeyframeMatch> FeatureExchange::match(std::size_t drone, const Flo
   match.drone = drones_[other.drone].name;
   match.own = own.pose;
   match.own_before = own.before;
+  match.own_mean_depth = own.mean_depth;
   match.other = other.pose;
   match.other_before = other.before;
   match.T_other_own = other.T_world_cam_true.inverse() * own.T_world_cam_true;

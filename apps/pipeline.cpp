@@ -386,7 +386,7 @@ PeerOutcome Pipeline::learn(const PeerKeyframe& message) {
   const StageTimer timer(peer_work_.peer_ms);
   const Keyframe* own = collaborator_->hear_found(message);
   if (!drift_ || own == nullptr) return PeerOutcome::kRejected;
-  return to_peer_outcome(fuse(found_by_peer(message, own->pose, own->before)));
+  return to_peer_outcome(fuse(found_by_peer(message, own->pose, own->before, own->mean_depth)));
 }
 
 // In the world as the own odometry alone has it, with all its drift: so keyframes stand in it.

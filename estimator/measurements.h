@@ -16,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "estimator/camera_view.h"
+
 namespace covey {
 
 using TimeNs = std::int64_t;
@@ -121,13 +123,6 @@ template <typename A, typename B>
          (a.keyframe_id > b.keyframe_id) == (a.stamp_ns > b.stamp_ns);
 }
 
-// Where a camera looks from, how far, and how sure that is.
-struct CameraView {
-  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
-  double mean_depth = 1;  // m
-  double sigma = 0;       // of the position over the depth, plus of the attitude [rad]
-};
-
 // "I am here: has anybody seen this place?" (the paper's RequestUAV)
 struct PlaceAdvert {
   std::string sender;
@@ -193,6 +188,7 @@ struct LandmarkMatch {
 struct KeyframeMatch {
   std::string drone;                                              // whose keyframe the other one is
   KeyframePose own, own_before;                                   // as in PeerKeyframe
+  double own_mean_depth = 1;                                      // m, of what the own one sees
   KeyframePose other, other_before;                               // in that drone's world
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera, roughly
   std::vector<LandmarkMatch> matches;                             // corners that both track

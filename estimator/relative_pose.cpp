@@ -104,6 +104,7 @@ std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, i
   pose.drone = match.drone;
   pose.own = match.own;
   pose.own_before = match.own_before;
+  pose.own_mean_depth = match.own_mean_depth;
   pose.other = match.other;
   pose.other_before = match.other_before;
   pose.T_other_own = found.T_other_own;
@@ -136,12 +137,13 @@ PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_nam
 // T_other_own is the inverse of what was found: with R = Exp(dtheta) R^ its errors are
 // -R dp + [p]x R dtheta and -R dtheta (R, p: of T_other_own), and the ratio is turned over too.
 RelativePose found_by_peer(const PeerKeyframe& message, const KeyframePose& own,
-                           const KeyframePose& own_before) {
+                           const KeyframePose& own_before, double own_mean_depth) {
   const FoundKeyframe& found = *message.found;
   RelativePose pose;
   pose.drone = message.sender;
   pose.own = own;
   pose.own_before = own_before;
+  pose.own_mean_depth = own_mean_depth;
   pose.other = message.pose;
   pose.other_before = message.before;
   pose.found_by_other = true;

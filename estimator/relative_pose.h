@@ -22,8 +22,9 @@ struct DepthRatio {
 };
 
 struct RelativePose {
-  std::string drone;        // whose keyframe `other` is
-  KeyframePose own, other;  // each in its drone's world
+  std::string drone;          // whose keyframe `other` is
+  KeyframePose own, other;    // each in its drone's world
+  double own_mean_depth = 1;  // m, of what the own keyframe sees
   // Over the way from here to the keyframe its drone has measured depths: if odometry has it too
   // short by some share, so are they.
   KeyframePose own_before, other_before;
@@ -48,8 +49,9 @@ struct RelativePose {
 // As the drone is told it whose keyframe was found.
 [[nodiscard]] PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_name);
 
-// What a peer has found of the keyframe `own`; `message.found` must be there.
+// What a peer has found of the keyframe `own`, which sees what is `own_mean_depth` m away;
+// `message.found` must be there.
 [[nodiscard]] RelativePose found_by_peer(const PeerKeyframe& message, const KeyframePose& own,
-                                         const KeyframePose& own_before);
+                                         const KeyframePose& own_before, double own_mean_depth);
 
 }  // namespace covey

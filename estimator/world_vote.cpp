@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "estimator/camera_view.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -36,12 +37,15 @@ std::vector<RelativePose> of_different_keyframes(const std::vector<RelativePose>
   return different;
 }
 
+CameraView own_view(const RelativePose& pose) {
+  return {pose.own.T_world_cam, pose.own_mean_depth};
+}
+
 double spread_of(const std::vector<RelativePose>& poses) {
   double spread = 0;
   for (const RelativePose& a : poses) {
     for (const RelativePose& b : poses) {
-      const auto p = [](const RelativePose& pose) { return pose.own.T_world_cam.translation(); };
-      spread = std::max(spread, (p(a) - p(b)).norm());
+      spread = std::max(spread, view_difference(own_view(a), own_view(b)));
     }
   }
   return spread;
@@ -74,7 +78,7 @@ std::vector<RelativePose> WorldVote::add(const WorldVoteConfig& config,
                     config.share * static_cast<double>(candidates_.size());
   agreeing = of_different_keyframes(agreeing);
   if (!most || agreeing.size() < static_cast<std::size_t>(config.votes) ||
-      spread_of(agreeing) < config.spread_m) {
+      spread_of(agreeing) < config.spread) {
     return {};
   }
   candidates_.clear();

@@ -2,8 +2,8 @@
 //
 // Where a peer's world lies in the own one when the two have not started together: every relative
 // pose of common keyframes says so, and is wrong when two places look alike. A world is believed
-// once several agree that were taken far enough apart to see different things, and once they are
-// most of what was said.
+// once several agree whose views differ enough to show different things, and once they are most of
+// what was said.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,7 +15,7 @@ namespace covey {
 
 struct WorldVoteConfig {
   int votes = 4;               // relative poses of different keyframes that must agree
-  double spread_m = 4.0;       // m, between the own cameras that are farthest apart
+  double spread = 0.4;         // rad, view_difference of the own views that differ most
   double agree_m = 0.5;        // m, at the peer's camera
   double agree_rad = 0.03;     // rad of yaw
   double max_tilt_rad = 0.05;  // rad, between two worlds whose gravity is one

@@ -31,11 +31,6 @@ double view_sigma(const Keyframe& keyframe) {
   return position / keyframe.mean_depth + attitude;
 }
 
-double view_difference(const CameraView& a, const CameraView& b) {
-  const double baseline = way_between(a.T_world_cam, b.T_world_cam);
-  return 2 * baseline / (a.mean_depth + b.mean_depth) + angle_between(a.T_world_cam, b.T_world_cam);
-}
-
 std::optional<double> mean_depth(const std::vector<TrackDepth>& depths, double max_relative_sigma) {
   double sum = 0;
   int count = 0;

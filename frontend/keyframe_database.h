@@ -68,9 +68,6 @@ struct Keyframe {
 // CameraView::sigma of the odometry at the keyframe.
 [[nodiscard]] double view_sigma(const Keyframe& keyframe);
 
-// How different two views are: the way between them over the depth, plus the angle.
-[[nodiscard]] double view_difference(const CameraView& a, const CameraView& b);
-
 // The one of a drone's keyframes, oldest first and all before `pose`, since which depths seen at
 // `pose` were measured: the newest that is `memory_s` old, or the oldest there is, or itself.
 template <typename Keyframes>

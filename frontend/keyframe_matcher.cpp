@@ -235,8 +235,8 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
     if (mine != own_of.end()) add_own_depth(*mine->second, config_.max_relative_sigma, one);
     return one;
   };
-  KeyframeMatch match{other.sender, own.pose,    own.before, other.pose,
-                      other.before, T_other_own, {},         {}};
+  KeyframeMatch match{other.sender, own.pose, own.before, own.mean_depth, other.pose, other.before,
+                      T_other_own,  {},       {}};
   const Eigen::Matrix2d corner_px = alike_in_both(config_.sigma_px);
   const Eigen::Matrix2d aligned_px = alike_in_both(config_.aligned_sigma_px);
   for (const IndexPair& pair : pairs) {

@@ -19,6 +19,7 @@ constexpr double kStep_m = 1.0;      // between two keyframes
 constexpr double kDrift_m = 0.01;    // standard deviation that a step adds, per axis
 constexpr double kDrift_rad = 5e-4;  // of yaw
 constexpr double kTilt_rad = 1e-3;
+constexpr double kDepth_m = 10;  // of what a keyframe sees
 
 // A drone that flies straight and drifts at random, keyframe by keyframe.
 struct Walk {
@@ -64,6 +65,7 @@ RelativePose relative(const Walk& own, std::size_t i, const Walk& other, std::si
   RelativePose pose;
   pose.drone = name;
   pose.own = own.keyframes[i];
+  pose.own_mean_depth = kDepth_m;
   pose.other = other.keyframes[j];
   pose.other_before = other.keyframes[j >= 6 ? j - 6 : 0];
   const Eigen::Isometry3d truth = other.truth[j].inverse() * own.truth[i];
@@ -194,8 +196,8 @@ TEST(DriftFilter, WhatAPeerHasFoundHelpsTheOneItFollowsToo) {
       RelativePose by_peer = found;
       by_peer.drone = "uav0";
       ++told;
-      used += filter.add(found_by_peer(as_told(by_peer, "uav1"), found.other,
-                                       found.other_before)) == DriftOutcome::kUsed;
+      used += filter.add(found_by_peer(as_told(by_peer, "uav1"), found.other, found.other_before,
+                                       kDepth_m)) == DriftOutcome::kUsed;
     }
     const Odometry last = odometry_at(own.keyframes.back());
     const Eigen::Vector3d truth = own.truth.back().translation();
@@ -217,7 +219,7 @@ TEST(DriftFilter, WhatAPeerHasFoundIsAsLongAsOwnDepthsHaveIt) {
   const auto found = [&](double longer) {
     DriftFilter filter({}, "uav0");
     RelativePose pose = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
-                                      own.keyframes[12], own.keyframes[6]);
+                                      own.keyframes[12], own.keyframes[6], kDepth_m);
     pose.T_other_own.translation() *= longer;
     EXPECT_EQ(filter.add(pose), DriftOutcome::kUsed);
     EXPECT_EQ(filter.keyframes(), 3)
@@ -252,7 +254,7 @@ TEST(DriftFilter, WhatHasBeenSaidBeforeCountsLess) {
   RelativePose elsewhere = same;
   elsewhere.other = just_after(elsewhere.other);
   const RelativePose by_peer = found_by_peer(as_told(relative(other, 12, own, 12, 4), "uav1"),
-                                             own.keyframes[12], own.keyframes[6]);
+                                             own.keyframes[12], own.keyframes[6], kDepth_m);
   EXPECT_GT(position_variance_with(same), 1.15 * position_variance_with(elsewhere));
   EXPECT_GT(position_variance_with(elsewhere), 1.08 * position_variance_with(by_peer));
 }
@@ -260,7 +262,7 @@ TEST(DriftFilter, WhatHasBeenSaidBeforeCountsLess) {
 TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
-                                       own.keyframes[12], own.keyframes[6]);
+                                       own.keyframes[12], own.keyframes[6], kDepth_m);
   claimed.covariance *= 1e-6;
   const auto position_variance = [&](const DriftConfig& config) {
     DriftFilter filter(config, "uav0");
@@ -283,7 +285,7 @@ TEST(DriftFilter, NobodyIsBelievedToFindPlacesMuchBetterThanTheOwnDroneDoes) {
     DriftFilter filter(config, "uav0");
     EXPECT_EQ(filter.add(relative(own, 8, other, 8, 3)), DriftOutcome::kUsed);
     RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
-                                         own.keyframes[12], own.keyframes[6]);
+                                         own.keyframes[12], own.keyframes[6], kDepth_m);
     claimed.covariance = claimed_share * relative(own, 8, other, 8, 3).covariance;
     EXPECT_EQ(filter.add(claimed), DriftOutcome::kUsed);
     return filter.corrected(odometry_at(own.keyframes[12]))
@@ -385,7 +387,7 @@ TEST(DriftFilter, WhatIsGatedTeachesNothingOfHowWellPlacesAreFound) {
       EXPECT_EQ(filter.add(exact), DriftOutcome::kGated);
     }
     RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
-                                         own.keyframes[12], own.keyframes[6]);
+                                         own.keyframes[12], own.keyframes[6], kDepth_m);
     claimed.covariance *= 1e-6;
     EXPECT_EQ(filter.add(claimed), DriftOutcome::kUsed);
     return filter.covariance();

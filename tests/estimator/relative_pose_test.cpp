@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kSigma = 0.3 / 455;
 constexpr double kDepthShare = 0.02;
+constexpr double kDepth_m = 10;  // mean
 
 Eigen::Isometry3d true_pose() {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -137,7 +138,7 @@ TEST(RelativePose, ToldToTheOtherDroneItIsTheSameSeenFromThere) {
   EXPECT_EQ(message.receiver, "uav0");
   ASSERT_TRUE(message.found);
   EXPECT_EQ(message.found->keyframe_id, 5u);
-  const RelativePose mirrored = found_by_peer(message, keyframe(5), keyframe(4));
+  const RelativePose mirrored = found_by_peer(message, keyframe(5), keyframe(4), kDepth_m);
   EXPECT_TRUE(mirrored.found_by_other);
   EXPECT_EQ(mirrored.drone, "uav1");
   EXPECT_EQ(mirrored.own.keyframe_id, 5u);
@@ -151,13 +152,15 @@ TEST(RelativePose, ToldToTheOtherDroneItIsTheSameSeenFromThere) {
 
   const auto without = estimate_relative_pose(make_match(1, 12, 0), 8);
   ASSERT_TRUE(without);
-  EXPECT_FALSE(found_by_peer(told_by_uav1(*without), keyframe(5), keyframe(4)).depth_ratio);
+  EXPECT_FALSE(
+      found_by_peer(told_by_uav1(*without), keyframe(5), keyframe(4), kDepth_m).depth_ratio);
 }
 
 TEST(RelativePose, ItsCovarianceSeenFromTheOtherSideIsThatOfErrorsSeenFromThere) {
   const auto found = estimate_relative_pose(make_match(1, 30, 1, 0.01), 8);
   ASSERT_TRUE(found && found->depth_ratio);
-  const RelativePose mirrored = found_by_peer(told_by_uav1(*found), keyframe(5), keyframe(4));
+  const RelativePose mirrored =
+      found_by_peer(told_by_uav1(*found), keyframe(5), keyframe(4), kDepth_m);
   constexpr double kStep = 1e-6;
   Matrix7d J = Matrix7d::Zero();  // d(error seen from there) / d(error)
   for (int i = 0; i < 6; ++i) {
