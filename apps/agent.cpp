@@ -552,7 +552,7 @@ nlohmann::json calibration_json(const FoundCalibration& found) {
 nlohmann::json peer_worlds(const DriftFilter& team) {
   nlohmann::json json = nlohmann::json::object();
   for (const std::string& peer : team.peers()) {
-    const auto alignment = team.alignment(peer);
+    const auto alignment = team.alignment_at_start(peer);
     if (!alignment) continue;
     nlohmann::json& entry = json[peer] = level_frame_json(alignment->T_own_peer);
     const Eigen::Vector3d& at = alignment->p_peer;

@@ -375,6 +375,8 @@ DriftOutcome Pipeline::fuse(const RelativePose& relative) {
   if (outcome == DriftOutcome::kUsed) {
     tell_world_of(relative.drone);
     peer_landmarks_.used += relative.inliers;
+  } else if (outcome == DriftOutcome::kUnaligned) {
+    collaborator_->suppose_world(relative.drone, world_of(relative));
   } else if (outcome == DriftOutcome::kGated) {
     peer_landmarks_.gated += relative.inliers;
   }

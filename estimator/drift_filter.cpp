@@ -453,20 +453,36 @@ Odometry DriftFilter::corrected(const Odometry& alone) const {
 }
 
 std::optional<WorldAlignment> DriftFilter::alignment(const std::string& peer) const {
-  int newest = -1;
+  const std::vector<int> known = nodes_of(peer);
+  if (known.empty()) return std::nullopt;
+  return alignment_by(known.back());
+}
+
+std::optional<WorldAlignment> DriftFilter::alignment_at_start(const std::string& peer) const {
+  const std::vector<int> known = nodes_of(peer);
+  if (known.empty()) return std::nullopt;
+  return alignment_by(known.front());
+}
+
+std::vector<int> DriftFilter::nodes_of(const std::string& peer) const {
+  std::vector<int> indices;
   for (int i = 0; i < keyframes(); ++i) {
-    if (node(i).drone == 0 || drones_[node(i).drone].name != peer) continue;
-    if (newest < 0 || node(i).stamp_ns > node(newest).stamp_ns) newest = i;
+    if (node(i).drone > 0 && drones_[node(i).drone].name == peer) indices.push_back(i);
   }
-  if (newest < 0) return std::nullopt;
-  const Node& known = node(newest);
-  const auto error = x_.segment<kSize>(block(newest));
+  std::sort(indices.begin(), indices.end(),
+            [&](int a, int b) { return node(a).stamp_ns < node(b).stamp_ns; });
+  return indices;
+}
+
+WorldAlignment DriftFilter::alignment_by(int index) const {
+  const Node& known = node(index);
+  const auto error = x_.segment<kSize>(block(index));
   Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();  // about the keyframe
   correction.linear() = exp_so3(error.tail<3>());
   correction.translation() = known.p + error.head<3>() - correction.linear() * known.p;
-  const Matrix6d P = P_.block<kSize, kSize>(block(newest), block(newest));
+  const Matrix6d P = P_.block<kSize, kSize>(block(index), block(index));
   const Eigen::Isometry3d& T_own_peer = drones_[known.drone].world.T_own_peer;
-  return WorldAlignment{
+  return {
       correction * T_own_peer, T_own_peer.inverse() * known.p,
       std::sqrt(P.topLeftCorner<3, 3>().selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()),
       std::sqrt(P(5, 5))};

@@ -57,7 +57,7 @@ struct DriftConfig {
 
 enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kRepeated, kInvalid };
 
-// A peer's world in the own one, as its newest common keyframe has it.
+// A peer's world in the own one, as a common keyframe has it.
 struct WorldAlignment {
   Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
   Eigen::Vector3d p_peer = Eigen::Vector3d::Zero();  // m, of that keyframe, in the peer's world
@@ -81,8 +81,11 @@ class DriftFilter {
   // The odometry's output with the present drift taken out.
   [[nodiscard]] Odometry corrected(const Odometry& alone) const;
 
-  // Nothing while the peer's world is not known or nothing of it has been used.
+  // Nothing while the peer's world is not known or nothing of it has been used. By the peer's
+  // newest keyframe: where it is now, its drift taken out.
   [[nodiscard]] std::optional<WorldAlignment> alignment(const std::string& peer) const;
+  // By its oldest: where its world lies, before it had drifted far.
+  [[nodiscard]] std::optional<WorldAlignment> alignment_at_start(const std::string& peer) const;
   [[nodiscard]] std::vector<std::string> peers() const;  // that were ever heard
   [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
   // Of the pose errors of all keyframes in the state, [dp dtheta] each.
@@ -137,6 +140,8 @@ class DriftFilter {
   };
 
   [[nodiscard]] Drone newcomer(const std::string& name) const;
+  [[nodiscard]] std::vector<int> nodes_of(const std::string& peer) const;  // rising stamps
+  [[nodiscard]] WorldAlignment alignment_by(int index) const;
   [[nodiscard]] std::optional<std::size_t> drone_index(const std::string& name);
   // A keyframe of a later flight than what is known of the drone ends that: all of it is forgotten.
   // False if the keyframe is itself of an earlier one.

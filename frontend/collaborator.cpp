@@ -162,6 +162,10 @@ void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& 
   strangers_.erase(peer);
 }
 
+void Collaborator::suppose_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
+  matcher_.suppose_world(peer, T_own_peer);
+}
+
 bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
   now_ns_ = stamp_ns;
   const Keyframe* last = database_.last();
@@ -362,7 +366,7 @@ void Collaborator::remember(const PeerKeyframe& message, const Eigen::Isometry3d
 
 // What is not found yet may be, when this drone has come nearer.
 void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason reason) {
-  const std::optional<Eigen::Isometry3d> world = matcher_.world_of(message.sender);
+  const std::optional<Eigen::Isometry3d> world = matcher_.likely_world_of(message.sender);
   const bool looked_for =
       reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers;
   if (!world || !looked_for || message.landmarks.empty()) return;

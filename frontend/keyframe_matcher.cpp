@@ -133,7 +133,12 @@ void KeyframeMatcher::keep_image(std::uint64_t keyframe_id, const ImagePyramid& 
 }
 
 void KeyframeMatcher::know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone) {
-  worlds_[drone].T_own_drone = T_own_drone;
+  worlds_[drone].known = T_own_drone;
+}
+
+void KeyframeMatcher::suppose_world(const std::string& drone,
+                                    const Eigen::Isometry3d& T_own_drone) {
+  worlds_[drone].supposed = T_own_drone;
 }
 
 bool KeyframeMatcher::has_started_anew(const std::string& drone, std::uint64_t keyframe_id) const {
@@ -148,10 +153,16 @@ void KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyf
 }
 
 std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {
-  if (const auto known = worlds_.find(drone); known != worlds_.end())
-    return known->second.T_own_drone;
+  const auto world = worlds_.find(drone);
+  if (world != worlds_.end() && world->second.known) return world->second.known;
   if (config_.common_start) return Eigen::Isometry3d::Identity();
   return std::nullopt;
+}
+
+std::optional<Eigen::Isometry3d> KeyframeMatcher::likely_world_of(const std::string& drone) const {
+  const std::optional<Eigen::Isometry3d> known = world_of(drone);
+  const auto world = worlds_.find(drone);
+  return known || world == worlds_.end() ? known : world->second.supposed;
 }
 
 // First among corners that lie about where odometry puts them, if the worlds are one; then
@@ -200,7 +211,7 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
   std::vector<Search> searches;
-  if (const std::optional<Eigen::Isometry3d> world = world_of(other.sender)) {
+  if (const std::optional<Eigen::Isometry3d> world = likely_world_of(other.sender)) {
     const Eigen::Isometry3d T_expected = (*world * other.pose.T_world_cam).inverse() * T_world_cam;
     searches = look_for(own.pose.keyframe_id, other, landmarks, T_expected, {});
   }

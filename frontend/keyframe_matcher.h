@@ -93,6 +93,8 @@ class KeyframeMatcher {
 
   // Where a drone's world lies in the own one, as far as that is known by now.
   void know_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
+  // Where it may lie: until it is known, what the drone has seen is looked for there as well.
+  void suppose_world(const std::string& drone, const Eigen::Isometry3d& T_own_drone);
 
   // Keyframes count up, so a drone of known world whose count falls has started anew.
   [[nodiscard]] bool has_started_anew(const std::string& drone, std::uint64_t keyframe_id) const;
@@ -101,6 +103,8 @@ class KeyframeMatcher {
 
   // None while it is not known.
   [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
+  // Or else as it was supposed to lie.
+  [[nodiscard]] std::optional<Eigen::Isometry3d> likely_world_of(const std::string& drone) const;
 
   // `other`: whoever it was sent to; of an own one, what a peer would be told.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const Keyframe& own,
@@ -127,7 +131,7 @@ class KeyframeMatcher {
   KeyframeMatcherConfig config_;
   CameraIntrinsics camera_;
   struct World {
-    Eigen::Isometry3d T_own_drone = Eigen::Isometry3d::Identity();
+    std::optional<Eigen::Isometry3d> known, supposed;  // T_own_drone
     std::uint64_t newest_keyframe = 0;  // that was noted
   };
   std::map<std::string, World> worlds_;                        // by drone
