@@ -194,7 +194,7 @@ bool Collaborator::wants_to_ask() {
 
 PlaceAdvert Collaborator::question(PlaceAdvert advert) {
   forget_strangers_that_left();
-  const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 3);
+  const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 4);
   if (may_ask_briefly(interval_s, corners_told_ns_, advert.stamp_ns)) {
     advert.descriptor.clear();
   } else {

@@ -59,9 +59,9 @@ struct CollaboratorConfig {
   KeyframeRule keyframe = {0.07, 0.35, 0.25};
   KeyframeRule question = {0.07, 0.35, 0.35};  // the same, between keyframes that are asked about
   KeyframeDatabase::Config database;
-  // s, between questions that carry the place's corners; a third of it while a drone is about whose
-  // world is not known. Questions in between are brief, and so are their answers: who knows where
-  // the asker is needs no descriptors.
+  // s, between questions that carry the place's corners; a quarter of it while a drone is about
+  // whose world is not known. Questions in between are brief, and so are their answers: who knows
+  // where the asker is needs no descriptors.
   double corners_interval_s = 3.0;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 

@@ -132,7 +132,7 @@ class KeyframeMatcher {
   CameraIntrinsics camera_;
   struct World {
     std::optional<Eigen::Isometry3d> known, supposed;  // T_own_drone
-    std::uint64_t newest_keyframe = 0;  // that was noted
+    std::uint64_t newest_keyframe = 0;                 // that was noted
   };
   std::map<std::string, World> worlds_;                        // by drone
   std::deque<std::pair<std::uint64_t, ImagePyramid>> images_;  // by keyframe, oldest first

@@ -475,7 +475,7 @@ TEST(Collaborator, RefusesAdvertsThatCannotBeCompared) {
   EXPECT_EQ(team.uav1.report().advert_malformed, 2);
 }
 
-// Corners go along every three seconds, thrice as often while a stranger is about.
+// Corners go along every three seconds, four times as often while a stranger is about.
 TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
   const Scene scene = make_scene(50, {20, 0, 0}, 1);
   CollaboratorConfig config;

@@ -168,6 +168,19 @@ TEST(InPlaceMatching, WithoutACommonStartNothingIsExpectedUntilTheWorldIsKnown) 
   expect_found(ask(uav0, wall, wall, far_world()));
 }
 
+TEST(InPlaceMatching, UntilThenItIsLookedForWhereItIsSupposedToBe) {
+  const SlantedPlane wall(small_camera());
+  Collaborator uav0 = make_drone("uav0", false);
+  uav0.suppose_world("uav1", far_world());
+  expect_found(ask(uav0, wall, wall, far_world()));
+  uav0.suppose_world("uav1", Eigen::Isometry3d::Identity());
+  EXPECT_TRUE(std::holds_alternative<NoMatch>(ask(uav0, wall, wall, far_world())));
+  uav0.know_world("uav1", far_world());
+  expect_found(ask(uav0, wall, wall, far_world()));
+  uav0.suppose_world("uav1", Eigen::Isometry3d::Identity());
+  expect_found(ask(uav0, wall, wall, far_world()));
+}
+
 TEST(InPlaceMatching, TellsFromHowFarAsideThePlaceIsKnownAgain) {
   const SlantedPlane wall(small_camera());
   const double guess = ViewpointTolerance().tolerance();
