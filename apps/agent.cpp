@@ -154,18 +154,22 @@ cv::Mat Agent::read(const ImageEntry& image) const {
   return read_image(image, dataset_.camera.width, dataset_.camera.height);
 }
 
-// Those that images have used are gone; without images the oldest go.
+// Those that images have used are gone but for the last two, about the image; without images the
+// oldest go.
 void Agent::add_imu(const std::vector<ImuSample>& samples) {
   constexpr std::ptrdiff_t kMostWaiting = 20'000;
   std::vector<ImuSample>& imu = dataset_.imu;
-  const std::ptrdiff_t used = next_imu_ > 0 ? static_cast<std::ptrdiff_t>(next_imu_) - 1 : 0;
+  const std::ptrdiff_t used =
+      std::max<std::ptrdiff_t>(static_cast<std::ptrdiff_t>(next_imu_) - 2, 0);
   imu.erase(imu.begin(), imu.begin() + used);
   next_imu_ -= static_cast<std::size_t>(used);
   imu.insert(imu.end(), samples.begin(), samples.end());
   const auto waiting = static_cast<std::ptrdiff_t>(imu.size() - next_imu_);
-  if (waiting <= kMostWaiting) return;
-  imu.erase(imu.begin(), imu.end() - kMostWaiting);
-  next_imu_ = 0;
+  if (waiting > kMostWaiting) {
+    imu.erase(imu.begin(), imu.end() - kMostWaiting);
+    next_imu_ = 0;
+  }
+  if (config_.onboard.odometry_rate_hz > 0) tell_predicted();
 }
 
 void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
@@ -225,16 +229,31 @@ void Agent::count(TimeNs stamp_ns, ImageContent content) {
   }
 }
 
-BodyMotion Agent::body_motion(const Odometry& odometry) const {
+void Agent::tell_predicted() {
+  constexpr double kEarly = 0.1;    // of the interval: IMU samples come when they come
+  constexpr double kLongest_s = 1;  // without an image; the IMU alone soon knows nothing
+  if (dataset_.imu.empty()) return;
+  const ImuSample& newest = dataset_.imu.back();
+  if (seconds_between(last_ns_, newest.stamp_ns) > kLongest_s) return;
+  const double interval_s = 1 / config_.onboard.odometry_rate_hz;
+  if (seconds_between(told_motion_ns_, newest.stamp_ns) < (1 - kEarly) * interval_s) return;
+  const std::optional<Odometry> odometry = pipeline_.predicted(dataset_.imu);
+  if (!odometry) return;
+  tell(*odometry, newest);
+  told_motion_ns_ = newest.stamp_ns;
+}
+
+void Agent::tell(const Odometry& odometry, const ImuSample& newest) {
   BodyMotion motion;
   motion.odometry = odometry;
-  motion.gyro_imu = dataset_.imu[next_imu_ - 1].gyro_imu - odometry.gyro_bias;
+  motion.gyro_imu = newest.gyro_imu - odometry.gyro_bias;
   motion.restarts = static_cast<std::uint8_t>(reinitialized_);
-  return motion;
+  onboard_->publish(motion);
 }
 
 void Agent::publish(const ImageResult& result) {
-  if (onboard_ != nullptr && result.odometry) onboard_->publish(body_motion(*result.odometry));
+  const bool at_images = onboard_ != nullptr && config_.onboard.odometry_rate_hz == 0;
+  if (at_images && result.odometry) tell(*result.odometry, dataset_.imu[next_imu_ - 1]);
   if (!link_) return;
   if (result.advert && link_->send(*result.advert)) {
     note(ExchangeEvent::kAsked, kEveryPeer, result.advert->keyframe_id);

@@ -61,7 +61,8 @@ class Agent {
   [[nodiscard]] const std::vector<std::string>& warnings() const { return dataset_.warnings; }
   [[nodiscard]] cv::Mat read(const ImageEntry& image) const;
 
-  // Of a live flight, in time order.
+  // Of a live flight, in time order. With them the motion is told, if that is to be more often than
+  // at each image.
   void add_imu(const std::vector<ImuSample>& samples);
   // The IMU must have passed it when the image is flown.
   [[nodiscard]] TimeNs imu_moment(TimeNs image_ns) const { return pipeline_.imu_moment(image_ns); }
@@ -90,7 +91,8 @@ class Agent {
 
  private:
   Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard);
-  [[nodiscard]] BodyMotion body_motion(const Odometry& odometry) const;
+  void tell_predicted();
+  void tell(const Odometry& odometry, const ImuSample& newest);
   void handle(const PlaceAdvert& advert);
   bool send(const PeerKeyframe& answer);
   void handle(const PeerKeyframe& keyframe);
@@ -144,6 +146,7 @@ class Agent {
   std::optional<TimeNs> first_ns_;  // of the recording, or the first image of a live flight
   TimeNs last_ns_ = 0;
   std::optional<AgentStatus> told_status_;
+  TimeNs told_motion_ns_ = 0;  // between images
 };
 
 // Flies at the configured pace: by itself, or as a team says over `control_fd`. Returns false if it

@@ -389,10 +389,12 @@ void visit_onboard(OnboardConfig& onboard, ConfigVisitor& v) {
   v.flag("loopback_only", onboard.loopback_only, "all of them run on this computer");
   v.flag("reliable", onboard.reliable,
          "ask for lost samples again; drivers that offer best effort alone are then not heard");
-  v.text("image_topic", onboard.image_topic, "sensor_msgs/Image, mono8 or mono16");
+  v.text("image_topic", onboard.image_topic, "sensor_msgs/Image: mono8, mono16, or 8-bit colours");
   v.text("imu_topic", onboard.imu_topic, "of imu_message");
   v.option("imu_message", onboard.imu_message, {"ros", "px4"},
            "sensor_msgs/Imu, or px4_msgs/SensorCombined (fmu/out/sensor_combined)");
+  v.number("odometry_rate_hz", onboard.odometry_rate_hz, {0, 1000},
+           "[Hz] at most, at the newest IMU sample; 0: at each image");
   v.text("odometry_topic", onboard.odometry_topic, "nav_msgs/Odometry that is told; empty: none");
   v.text("px4_topic", onboard.px4_topic,
          "px4_msgs/VehicleOdometry that is told, fmu/in/vehicle_visual_odometry; empty: none");

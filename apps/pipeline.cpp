@@ -209,6 +209,11 @@ void Pipeline::take_odometry(ImageResult& result) {
   if (result.update.propagated) result.alone = alone;
 }
 
+std::optional<Odometry> Pipeline::predicted(const std::vector<ImuSample>& samples) const {
+  if (!started()) return std::nullopt;
+  return with_team(estimator_.predicted(samples));
+}
+
 Odometry Pipeline::with_team(const Odometry& alone) const {
   return drift_ ? drift_->corrected(alone) : alone;
 }

@@ -83,6 +83,10 @@ class Pipeline {
   // `pixels`: CV_8UC1 or CV_16UC1.
   [[nodiscard]] ImageResult add_image(TimeNs stamp_ns, const cv::Mat& pixels);
 
+  // The newest image's odometry, carried on by the IMU alone to the last of these samples, in time
+  // order, from one before that image on. Nothing before the start.
+  [[nodiscard]] std::optional<Odometry> predicted(const std::vector<ImuSample>& samples) const;
+
   // What peers send; only when flying together.
   [[nodiscard]] std::optional<PeerKeyframe> answer(const PlaceAdvert& advert);
   PeerResult fuse(const PeerKeyframe& message);

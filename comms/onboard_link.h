@@ -4,10 +4,10 @@
 // words of ROS 2 and PX4: no ROS is needed for it.
 //
 //   topic (ROS 2 name)                       type
-//   image_topic      camera/image_raw        sensor_msgs/Image, mono8 or mono16
+//   image_topic      camera/image_raw        sensor_msgs/Image: mono8, mono16, 8-bit colours
 //   imu_topic        imu/data_raw            sensor_msgs/Imu, specific force with gravity
 //     or             fmu/out/sensor_combined             px4_msgs/SensorCombined, the autopilot's
-//   odometry_topic   odometry                nav_msgs/Odometry, at every image
+//   odometry_topic   odometry                nav_msgs/Odometry, at every image or more often
 //   px4_topic        fmu/in/vehicle_visual_odometry      px4_msgs/VehicleOdometry, likewise
 //
 // Stamps of both sensors are of one clock. What comes in waits in bounded queues that drop their
@@ -37,6 +37,8 @@ struct OnboardConfig {
   std::string image_topic = "camera/image_raw";
   std::string imu_topic = "imu/data_raw";
   ImuMessage imu_message = ImuMessage::kRos;
+  // At every image; or, if this is not 0, up to so often, at the newest IMU sample.
+  double odometry_rate_hz = 0;
   std::string odometry_topic = "odometry";  // empty: not told
   std::string px4_topic;                    // empty: not told
   // How the IMU is mounted in PX4's body (forward, left, up): roll, pitch, yaw, rad;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <limits>
+#include <optional>
 #include <utility>
 
 #include "comms/cdr.h"
@@ -59,10 +59,33 @@ ros_geometry::Quaternion_ ros_quaternion(const Eigen::Quaterniond& q) {
   return out;
 }
 
-int bytes_per_pixel(const std::string& encoding) {
-  if (encoding == "mono8" || encoding == "8UC1") return 1;
-  if (encoding == "mono16" || encoding == "16UC1") return 2;
-  return 0;
+// A pixel on the wire, and where in it the colours stand; grey has none.
+struct PixelFormat {
+  std::size_t bytes = 0;
+  std::optional<std::array<std::size_t, 3>> red_green_blue;
+};
+
+std::optional<PixelFormat> pixel_format(const std::string& encoding) {
+  if (encoding == "mono8" || encoding == "8UC1") return PixelFormat{1, {}};
+  if (encoding == "mono16" || encoding == "16UC1") return PixelFormat{2, {}};
+  if (encoding == "rgb8") return PixelFormat{3, {{0, 1, 2}}};
+  if (encoding == "bgr8") return PixelFormat{3, {{2, 1, 0}}};
+  if (encoding == "rgba8") return PixelFormat{4, {{0, 1, 2}}};
+  if (encoding == "bgra8") return PixelFormat{4, {{2, 1, 0}}};
+  return {};
+}
+
+// ITU-R BT.601, in 256ths. `pixels` as long as all their colours.
+void to_grey(const PixelFormat& format, std::vector<std::uint8_t>& pixels) {
+  constexpr unsigned kRed = 77, kGreen = 150, kBlue = 29, kHalf = 128;
+  const auto [red, green, blue] = *format.red_green_blue;
+  const std::size_t count = pixels.size() / format.bytes;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint8_t* const pixel = &pixels[i * format.bytes];
+    const unsigned sum = kRed * pixel[red] + kGreen * pixel[green] + kBlue * pixel[blue];
+    pixels[i] = static_cast<std::uint8_t>((sum + kHalf) >> 8U);
+  }
+  pixels.resize(count);
 }
 
 // Rows without the gaps between them.
@@ -88,11 +111,11 @@ bool is_big_endian_machine() {
 }
 
 Problem problem_with(const ros_sensors::Image_& image) {
-  const auto bytes = static_cast<std::size_t>(bytes_per_pixel(image.encoding()));
-  if (bytes == 0) return "encoding is neither mono8 nor mono16";
+  const std::optional<PixelFormat> format = pixel_format(image.encoding());
+  if (!format) return "encoding is none of mono8, mono16, rgb8, bgr8, rgba8, bgra8";
   if (image.width() == 0 || image.height() == 0) return "image without pixels";
   if (image.width() > kMaxSide || image.height() > kMaxSide) return "image too large";
-  if (image.step() < image.width() * bytes) return "rows of an image overlap";
+  if (image.step() < image.width() * format->bytes) return "rows of an image overlap";
   if (image.data().size() < std::size_t{image.step()} * image.height()) return "image cut short";
   if (!is_stamp(stamp_of(image.header())) || stamp_of(image.header()) == 0) return "no valid stamp";
   return {};
@@ -105,6 +128,15 @@ std::array<double, 36> fixed_axes_covariance(const Odometry& odometry) {
   std::array<double, 36> out{};
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.data()) =
       turn * odometry.pose_covariance * turn.transpose();
+  return out;
+}
+
+// Of the velocity along the IMU's axes; how uncertain these are in the world is left out.
+std::array<double, 36> body_velocity_covariance(const Odometry& odometry) {
+  const Eigen::Matrix3d R_world_imu = odometry.pose.q_world_imu.toRotationMatrix();
+  std::array<double, 36> out{};
+  Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.data()).topLeftCorner<3, 3>() =
+      R_world_imu.transpose() * odometry.velocity_covariance * R_world_imu;
   return out;
 }
 
@@ -162,10 +194,11 @@ Decoded<CameraImage> decode_image(const Bytes& bytes) {
   out.stamp_ns = stamp_of(image.header());
   out.width = static_cast<int>(image.width());
   out.height = static_cast<int>(image.height());
-  out.bytes_per_pixel = bytes_per_pixel(image.encoding());
-  const std::size_t row_bytes =
-      std::size_t{image.width()} * static_cast<std::size_t>(out.bytes_per_pixel);
-  out.pixels = without_gaps(std::move(image.data()), row_bytes, image.step(), image.height());
+  const PixelFormat format = *pixel_format(image.encoding());
+  out.pixels = without_gaps(std::move(image.data()), image.width() * format.bytes, image.step(),
+                            image.height());
+  if (format.red_green_blue) to_grey(format, out.pixels);
+  out.bytes_per_pixel = format.bytes == 2 ? 2 : 1;
   const bool big_endian = image.is_bigendian() != 0;
   if (out.bytes_per_pixel == 2 && big_endian != is_big_endian_machine()) swap_bytes(out.pixels);
   return out;
@@ -213,6 +246,7 @@ Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,
   out.twist().twist().linear(
       ros_vector<ros_geometry::Vector3_>(q_world_imu.inverse() * odometry.v_world_imu));
   out.twist().twist().angular(ros_vector<ros_geometry::Vector3_>(motion.gyro_imu));
+  out.twist().covariance(body_velocity_covariance(odometry));
   return to_cdr(out);
 }
 
@@ -236,7 +270,7 @@ Bytes encode_px4_odometry(const BodyMotion& motion, const Eigen::Quaterniond& q_
   out.angular_velocity(floats(flipped(R_body_imu * motion.gyro_imu)));
   out.position_variance(floats(odometry.pose_covariance.diagonal().head<3>()));
   out.orientation_variance(floats(attitude_covariance.diagonal()));
-  out.velocity_variance().fill(std::numeric_limits<float>::quiet_NaN());
+  out.velocity_variance(floats(odometry.velocity_covariance.diagonal()));
   out.reset_counter(motion.restarts);
   out.quality(px4_quality(odometry.status));
   return to_cdr(out);

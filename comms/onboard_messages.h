@@ -24,7 +24,8 @@ inline constexpr std::size_t kPx4ImuBytes = 64;
 inline constexpr std::size_t kMaxNavOdometryBytes = 1024;
 inline constexpr std::size_t kPx4OdometryBytes = 128;
 
-// Grey, row after row without gaps; 16 bits in the byte order of this machine.
+// Grey, row after row without gaps; 16 bits in the byte order of this machine. Of colours it is
+// what they weigh in brightness (ITU-R BT.601).
 struct CameraImage {
   TimeNs stamp_ns = 0;
   int width = 0, height = 0;
@@ -39,7 +40,8 @@ struct BodyMotion {
   std::uint8_t restarts = 0;  // how often the filter has begun anew: positions may have jumped
 };
 
-// sensor_msgs/Image: mono8 or mono16. sensor_msgs/Imu: without orientation.
+// sensor_msgs/Image: mono8 or mono16; rgb8, bgr8, rgba8 and bgra8 are read as well.
+// sensor_msgs/Imu: without orientation.
 [[nodiscard]] Bytes encode(const CameraImage& image);
 [[nodiscard]] Bytes encode(const ImuSample& sample);
 [[nodiscard]] Decoded<CameraImage> decode_image(const Bytes& bytes);
@@ -50,7 +52,8 @@ struct BodyMotion {
 [[nodiscard]] Bytes encode_px4_imu(const ImuSample& sample);
 [[nodiscard]] Decoded<ImuSample> decode_px4_imu(const Bytes& bytes);
 
-// nav_msgs/Odometry of `child_frame`, the IMU, in `frame`, the world.
+// nav_msgs/Odometry of `child_frame`, the IMU, in `frame`, the world. The covariance of the linear
+// velocity is the world's, seen along the IMU's axes; of the angular velocity none is told.
 [[nodiscard]] Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,
                                         const std::string& child_frame);
 

@@ -73,6 +73,8 @@ Odometry without_drift(const Odometry& alone, const Eigen::Vector3d& from, const
   odometry.pose.p_world_imu += error.head<3>();
   odometry.pose.q_world_imu = (turn * alone.pose.q_world_imu).normalized();
   odometry.v_world_imu = turn * alone.v_world_imu;
+  const Eigen::Matrix3d R_turn = turn.toRotationMatrix();
+  odometry.velocity_covariance = R_turn * alone.velocity_covariance * R_turn.transpose();
   to_world.bottomRightCorner<3, 3>() = odometry.pose.q_world_imu.toRotationMatrix();
   odometry.pose_covariance = to_world.transpose() * P * to_world;
   return odometry;

@@ -10,6 +10,7 @@
 
 #include "estimator/filter_health.h"
 #include "estimator/imu_buffer.h"
+#include "estimator/imu_transition.h"
 #include "estimator/keyframe_policy.h"
 #include "estimator/median.h"
 #include "estimator/observation_model.h"
@@ -41,6 +42,23 @@ Eigen::Matrix<double, 15, 15> initial_covariance(const InitialState& start) {
 
 ImuState initial_imu(const InitialState& start) {
   return {start.stamp_ns, start.pose, start.v_world_imu, start.gyro_bias, start.accel_bias};
+}
+
+Odometry to_odometry(const CoreState& core) {
+  const ImuState& imu = core.imu;
+  const auto of = [&core](int row, int column) { return core.covariance.block<3, 3>(row, column); };
+  constexpr int kPosition = State::kPosition, kVelocity = State::kVelocity;
+  constexpr int kRotation = State::kRotation;
+  Odometry odometry;
+  odometry.stamp_ns = imu.stamp_ns;
+  odometry.pose = imu.pose;
+  odometry.v_world_imu = imu.v_world_imu;
+  odometry.gyro_bias = imu.gyro_bias;
+  odometry.accel_bias = imu.accel_bias;
+  odometry.pose_covariance << of(kPosition, kPosition), of(kPosition, kRotation),
+      of(kRotation, kPosition), of(kRotation, kRotation);
+  odometry.velocity_covariance = of(kVelocity, kVelocity);
+  return odometry;
 }
 
 // Before the start: how far back it may lie, behind the newest IMU sample.
@@ -550,21 +568,20 @@ PeerReport Estimator::add_peer(const KeyframeMatch& match) {
 
 Odometry Estimator::odometry() const {
   Odometry odometry;
+  if (impl_->state) odometry = to_odometry(impl_->told().core());
   odometry.status = impl_->health.status();
-  if (!impl_->state) return odometry;
-  const State& state = impl_->told();
-  const ImuState& imu = state.imu();
-  odometry.stamp_ns = imu.stamp_ns;
-  odometry.pose = imu.pose;
-  odometry.v_world_imu = imu.v_world_imu;
-  odometry.gyro_bias = imu.gyro_bias;
-  odometry.accel_bias = imu.accel_bias;
-  const auto P = state.covariance();
-  odometry.pose_covariance.topLeftCorner<3, 3>() = P.block<3, 3>(0, 0);
-  odometry.pose_covariance.topRightCorner<3, 3>() = P.block<3, 3>(0, State::kRotation);
-  odometry.pose_covariance.bottomLeftCorner<3, 3>() = P.block<3, 3>(State::kRotation, 0);
-  odometry.pose_covariance.bottomRightCorner<3, 3>() =
-      P.block<3, 3>(State::kRotation, State::kRotation);
+  return odometry;
+}
+
+Odometry Estimator::predicted(const std::vector<ImuSample>& samples) const {
+  const EstimatorConfig& config = impl_->config;
+  ImuBuffer buffer;
+  for (const ImuSample& sample : samples)
+    (void)buffer.add(sample, config.max_gyro, config.max_accel);
+  if (!impl_->state || !buffer.covers(impl_->told().imu().stamp_ns + 1)) return odometry();
+  const CoreState newest = impl_->told().core();
+  Odometry odometry = to_odometry(dead_reckoned(newest, buffer.since(newest.imu.stamp_ns), config));
+  odometry.status = impl_->health.status();
   return odometry;
 }
 

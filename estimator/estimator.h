@@ -88,6 +88,9 @@ class Estimator {
   PeerReport add_peer(const KeyframeMatch& match);
 
   [[nodiscard]] Odometry odometry() const;
+  // Carried on by the IMU alone to the last of these samples, which are in time order; the state
+  // stays as it is. odometry() itself if none is later.
+  [[nodiscard]] Odometry predicted(const std::vector<ImuSample>& samples) const;
   // At the newest image that was propagated to, as calibrated so far. Nothing before the first one,
   // and after the filter has begun anew.
   [[nodiscard]] std::optional<CameraEstimate> camera() const;

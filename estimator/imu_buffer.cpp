@@ -2,6 +2,7 @@
 #include "estimator/imu_buffer.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "estimator/imu_increment.h"
 
@@ -42,6 +43,11 @@ std::vector<ImuSample> ImuBuffer::between(TimeNs from_ns, TimeNs to_ns, double m
     if (seconds_between(result[i - 1].stamp_ns, result[i].stamp_ns) > max_gap_s) ++gaps;
   }
   return result;
+}
+
+std::vector<ImuSample> ImuBuffer::since(TimeNs from_ns) const {
+  int gaps = 0;
+  return between(from_ns, samples_.back().stamp_ns, std::numeric_limits<double>::infinity(), gaps);
 }
 
 std::vector<ImuSample> ImuBuffer::last(TimeNs to_ns, double window_s) const {

@@ -23,6 +23,8 @@ class ImuBuffer {
   // covers(to_ns). `gaps` counts neighbours further apart than `max_gap_s`.
   [[nodiscard]] std::vector<ImuSample> between(TimeNs from_ns, TimeNs to_ns, double max_gap_s,
                                                int& gaps) const;
+  // Up to the newest sample. Needs covers(from_ns + 1).
+  [[nodiscard]] std::vector<ImuSample> since(TimeNs from_ns) const;
   // Samples of the last `window_s` before `to_ns`.
   [[nodiscard]] std::vector<ImuSample> last(TimeNs to_ns, double window_s) const;
 

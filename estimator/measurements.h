@@ -84,6 +84,7 @@ struct Odometry {
   Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2
   // Of [dp dtheta]: dp in world, dtheta local: q = q_hat * Exp(dtheta).
   Matrix6d pose_covariance = Matrix6d::Zero();
+  Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();  // of v_world_imu
 };
 
 // ----------------------------------------------------------------------------- between drones

@@ -7,15 +7,21 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cstring>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "apps/agent.h"
 #include "apps/config_file.h"
 #include "apps/free_domain.h"
 #include "apps/json_file.h"
+#include "comms/onboard_participant.h"
+#include "comms/onboard_topics.h"
 #include "comms/sensor_player.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
@@ -89,6 +95,49 @@ TEST_F(LiveFlight, FliesAsTheRecordingOfItDoesUntilItsTimeIsOver) {
     EXPECT_EQ(summary(pace)["frames_dropped"], 0);
   }
   EXPECT_GT(trajectory("max").size(), 1000U);
+  EXPECT_EQ(trajectory("live"), trajectory("max"));
+}
+
+// Of a message that begins with a header of ROS 2, after the four bytes that say how it is encoded.
+TimeNs stamp_of(const Bytes& message) {
+  std::int32_t sec = 0;
+  std::uint32_t nanosec = 0;
+  std::memcpy(&sec, &message.at(4), sizeof sec);
+  std::memcpy(&nanosec, &message.at(8), sizeof nanosec);
+  return sec * nanoseconds(1) + static_cast<TimeNs>(nanosec);
+}
+
+// At half the IMU's rate, in real time, while 15 images come a second; the flight itself is none
+// the wiser.
+TEST_F(LiveFlight, TellsItsMotionBetweenImagesAsWell) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = kAllButTheLastImage_s;
+  wanted["onboard"]["odometry_rate_hz"] = 100;
+  const std::string config = config_file(wanted);
+  wanted["agent"]["pace"] = "max";
+  wanted["agent"]["out"] = (folder_.path() / "max").string();
+  const fs::path recorded = folder_.path() / "recorded.json";
+  write_json_file(recorded, wanted);
+  CoveyProcess recording({"agent", "--config", recorded});
+  ASSERT_EQ(recording.finish(), 0) << recording.output();
+  std::mutex mutex;
+  std::vector<TimeNs> stamps;
+  OnboardParticipant listener({domain_.id(), true});
+  listener.read(
+      nav_odometry_topic("odometry"), true,
+      [&](const Bytes& message) {
+        const std::lock_guard lock(mutex);
+        stamps.push_back(stamp_of(message));
+      },
+      [] {});
+  CoveyProcess drone({"agent", "--config", config});
+  CoveyProcess player({"play", mav0_, "--config", config});
+  EXPECT_EQ(player.finish(), 0) << player.output();
+  ASSERT_EQ(drone.finish(), 0) << drone.output();
+  const std::lock_guard lock(mutex);
+  EXPECT_GT(stamps.size(), 2U * COVEY_TEST_FLIGHT_FRAMES);
+  EXPECT_TRUE(std::is_sorted(stamps.begin(), stamps.end()));
+  EXPECT_EQ(std::adjacent_find(stamps.begin(), stamps.end()), stamps.end()) << "told twice";
   EXPECT_EQ(trajectory("live"), trajectory("max"));
 }
 

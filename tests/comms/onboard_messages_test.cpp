@@ -142,6 +142,32 @@ TEST(OnboardMessages, SixteenBitsAreReadInEitherByteOrder) {
   }
 }
 
+// Red, green, blue and grey, each of the brightness that it has by ITU-R BT.601.
+TEST(OnboardMessages, OfColoursTheBrightnessIsRead) {
+  const std::vector<std::array<std::uint8_t, 3>> rgb = {
+      {255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {90, 90, 90}};
+  const auto read_as = [&](const std::string& encoding, bool blue_first, bool alpha) {
+    ImageFields fields;
+    fields.encoding = encoding;
+    fields.width = 2;
+    fields.data.clear();
+    for (std::size_t i = 0; i < rgb.size(); ++i) {
+      for (std::size_t k = 0; k < 3; ++k) fields.data.push_back(rgb[i][blue_first ? 2 - k : k]);
+      if (alpha) fields.data.push_back(200);
+      if (i % 2 == 1) fields.data.push_back(99);  // at the end of each row
+    }
+    fields.step = static_cast<std::uint32_t>(fields.data.size() / 2);
+    const CameraImage image = decoded_image(fields);
+    EXPECT_EQ(image.bytes_per_pixel, 1) << encoding;
+    return image.pixels;
+  };
+  const auto grey = ElementsAre(77, 149, 29, 90);
+  EXPECT_THAT(read_as("rgb8", false, false), grey);
+  EXPECT_THAT(read_as("bgr8", true, false), grey);
+  EXPECT_THAT(read_as("rgba8", false, true), grey);
+  EXPECT_THAT(read_as("bgra8", true, true), grey);
+}
+
 TEST(OnboardMessages, AnImuSampleIsReadAsRos2WritesIt) {
   const auto decoded = decode_imu(imu_bytes(0.1));
   ASSERT_EQ(reason(decoded), "accepted");
@@ -206,8 +232,9 @@ TEST(OnboardMessages, WhatIsNoImageIsRefusedWithItsReason) {
     change(fields);
     return reason(decode_image(image_bytes(fields)));
   };
-  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "bgr8"; }),
-            "encoding is neither mono8 nor mono16");
+  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "yuv422"; }),
+            "encoding is none of mono8, mono16, rgb8, bgr8, rgba8, bgra8");
+  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "bgr8"; }), "rows of an image overlap");
   EXPECT_EQ(refused([](ImageFields& f) { f.width = 0; }), "image without pixels");
   EXPECT_EQ(refused([](ImageFields& f) { f.height = 0; }), "image without pixels");
   EXPECT_EQ(refused([](ImageFields& f) { f.width = f.step = 20'000; }), "image too large");
@@ -303,6 +330,19 @@ TEST(OnboardMessages, NavOdometryHasVelocitiesInTheBodysAxes) {
   EXPECT_EQ(told.twist().twist().angular().z(), 0.7);
 }
 
+TEST(OnboardMessages, NavOdometryHasTheVelocitysCovarianceInTheBodysAxes) {
+  BodyMotion flown = motion();
+  flown.odometry.velocity_covariance = Eigen::Vector3d(1, 4, 9).asDiagonal();
+  const auto told = read<NavOdometry>(encode_nav_odometry(flown, "world", "imu"));
+  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> covariance(
+      told.twist().covariance().data());
+  const Eigen::Vector3d along_body(0.2, -0.5, 0.8);
+  const Eigen::Vector3d along_world = flown.odometry.pose.q_world_imu * along_body;
+  EXPECT_NEAR(along_body.dot(covariance.topLeftCorner<3, 3>() * along_body),
+              along_world.dot(flown.odometry.velocity_covariance * along_world), 1e-12);
+  EXPECT_TRUE(covariance.rightCols<3>().isZero());
+}
+
 // Monte Carlo: local rotation errors as the filter has them, seen as turns about the world's axes.
 TEST(OnboardMessages, NavOdometrysCovarianceIsAboutTheWorldsAxes) {
   BodyMotion flown = motion();
@@ -364,13 +404,14 @@ TEST(OnboardMessages, Px4IsToldVariancesInTheBodysAxes) {
   BodyMotion flown = motion();
   const Vector6d variances = (Vector6d() << 1, 2, 3, 0.1, 0.2, 0.3).finished();
   flown.odometry.pose_covariance = variances.asDiagonal();
+  flown.odometry.velocity_covariance = Eigen::Vector3d(4, 5, 6).asDiagonal();
   const Eigen::Quaterniond quarter_left(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()));
   const auto told = read<Px4Odometry>(encode_px4_odometry(flown, quarter_left));
   EXPECT_THAT(told.position_variance(), ElementsAre(1, 2, 3));
   EXPECT_NEAR(told.orientation_variance()[0], 0.2, 1e-6);  // the IMU's y axis points backwards
   EXPECT_NEAR(told.orientation_variance()[1], 0.1, 1e-6);
   EXPECT_NEAR(told.orientation_variance()[2], 0.3, 1e-6);
-  EXPECT_TRUE(std::isnan(told.velocity_variance()[0]));
+  EXPECT_THAT(told.velocity_variance(), ElementsAre(4, 5, 6));
 }
 
 // Level, heading a quarter to the left: PX4's yaw grows to the right.

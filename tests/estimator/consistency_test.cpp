@@ -58,7 +58,7 @@ std::vector<FilterRun> run_all(bool calibrate) {
 }
 
 struct TimeBin {
-  double position_nees = 0, orientation_nees = 0;  // sums
+  double position_nees = 0, orientation_nees = 0, velocity_nees = 0;  // sums
   int count = 0;
 };
 
@@ -70,6 +70,7 @@ std::array<TimeBin, kBins> binned(const std::vector<FilterRun>& runs) {
       TimeBin& bin = bins[static_cast<std::size_t>(index)];
       bin.position_nees += error.position_nees;
       bin.orientation_nees += error.orientation_nees;
+      bin.velocity_nees += error.velocity_nees;
       ++bin.count;
     }
   }
@@ -99,6 +100,9 @@ void expect_consistent(const std::vector<FilterRun>& runs) {
     ASSERT_GT(bin.count, 0);
     const double position = bin.position_nees / bin.count / kDegreesOfFreedom;
     const double orientation = bin.orientation_nees / bin.count / kDegreesOfFreedom;
+    const double velocity = bin.velocity_nees / bin.count / kDegreesOfFreedom;
+    EXPECT_GT(velocity, kLeast) << "velocity is better than the filter says";
+    EXPECT_LT(velocity, kMost) << "velocity is worse than the filter says";
     EXPECT_GT(position, kLeast) << "position is better than the filter says";
     EXPECT_LT(position, kMost) << "position is worse than the filter says";
     EXPECT_GT(orientation, kLeast) << "orientation is better than the filter says";

@@ -137,6 +137,41 @@ TEST(Estimator, AnImageThatShowsNothingLeavesTheWindowAsItIs) {
   EXPECT_LT(compare(estimator.odometry(), drone).position_m, 0.3);
 }
 
+// Of the recording, from one before `from_ns` to the last one by `to_ns`.
+std::vector<ImuSample> samples_between(const DroneFeatures& drone, TimeNs from_ns, TimeNs to_ns) {
+  std::vector<ImuSample> samples;
+  for (const ImuSample& sample : drone.imu) {
+    if (sample.stamp_ns <= from_ns) samples.clear();
+    if (sample.stamp_ns <= to_ns) samples.push_back(sample);
+  }
+  return samples;
+}
+
+TEST(Estimator, PredictsWhatAnImageThatShowsNothingWouldTell) {
+  auto [drone, estimator] = take_off(Scenario::kCastleAround, 1, false);
+  for (const CameraMeasurement& image : drone.camera) {
+    if (time_of(drone, image) > 3) break;
+    (void)estimator.add_camera(image);
+  }
+  const Odometry before = estimator.odometry();
+  const auto samples = samples_between(drone, before.stamp_ns, before.stamp_ns + nanoseconds(0.1));
+  const Odometry predicted = estimator.predicted(samples);
+  EXPECT_EQ(estimator.odometry().stamp_ns, before.stamp_ns) << "its state is as it was";
+  EXPECT_EQ(estimator.predicted({samples.front()}).stamp_ns, before.stamp_ns);
+
+  (void)estimator.pass_image(samples.back().stamp_ns);
+  const Odometry passed = estimator.odometry();
+  EXPECT_EQ(predicted.stamp_ns, passed.stamp_ns);
+  EXPECT_LT((predicted.pose.p_world_imu - passed.pose.p_world_imu).norm(), 1e-9);
+  EXPECT_LT(predicted.pose.q_world_imu.angularDistance(passed.pose.q_world_imu), 1e-9);
+  EXPECT_LT((predicted.v_world_imu - passed.v_world_imu).norm(), 1e-9);
+  EXPECT_LT((predicted.pose_covariance - passed.pose_covariance).norm(),
+            1e-9 * passed.pose_covariance.norm());
+  EXPECT_LT((predicted.velocity_covariance - passed.velocity_covariance).norm(),
+            1e-9 * passed.velocity_covariance.norm());
+  EXPECT_GT(predicted.velocity_covariance.trace(), before.velocity_covariance.trace());
+}
+
 // Extrinsics off by a degree and a centimetre, a clock by 8 ms, focal lengths by half a percent.
 TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
   constexpr double kMostSigma = 4;

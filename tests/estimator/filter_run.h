@@ -21,8 +21,9 @@ namespace covey {
 
 struct ErrorSample {
   double time_s = 0;
-  double position_m = 0, orientation = 0;          // error norms, m and rad
-  double position_nees = 0, orientation_nees = 0;  // 3 degrees of freedom each
+  double position_m = 0, orientation = 0;  // error norms, m and rad
+  // 3 degrees of freedom each.
+  double position_nees = 0, orientation_nees = 0, velocity_nees = 0;
 };
 
 struct FilterRun {
@@ -79,6 +80,8 @@ inline ErrorSample compare(const Odometry& odometry, const DroneFeatures& drone)
   sample.orientation = dtheta.norm();
   sample.position_nees = dp.dot(P_p.llt().solve(dp));
   sample.orientation_nees = dtheta.dot(P_theta.llt().solve(dtheta));
+  const Eigen::Vector3d dv = drone.trajectory.at(sample.time_s).v_world_imu - odometry.v_world_imu;
+  sample.velocity_nees = dv.dot(odometry.velocity_covariance.llt().solve(dv));
   return sample;
 }
 
