@@ -442,6 +442,10 @@ void Estimator::Impl::apply(Remedy remedy, UpdateReport& report) {
     case Remedy::kLookAgain:
       look_again(report);
       break;
+    case Remedy::kForget:
+      look_again(report);
+      store.forget_all_observations();
+      break;
     case Remedy::kRestart:
       restart(report);
       break;
@@ -547,7 +551,7 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
   report.propagated = !interval.empty();
   if (report.propagated) {
-    self.health.pass(stamp_ns, interval, self.config);
+    self.apply(self.health.pass(stamp_ns, interval, self.config), report);
   } else {
     self.refuse_image(stamp_ns, report);
   }

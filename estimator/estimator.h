@@ -78,7 +78,8 @@ class Estimator {
   // Propagates to the image, clones, updates, marginalises.
   UpdateReport add_camera(const CameraMeasurement& measurement);
 
-  // An image that shows nothing: only propagates to it. Tracks and landmarks wait for the next one.
+  // An image that shows nothing: only propagates to it. Tracks and landmarks wait for the next one,
+  // for three seconds.
   UpdateReport pass_image(TimeNs image_stamp_ns);
 
   // Collaborative update by covariance intersection: own landmarks and a peer's are one point each

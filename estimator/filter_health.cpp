@@ -8,6 +8,7 @@ namespace {
 
 constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
+constexpr double kLandmarksWait_s = 3;     // without an image
 
 bool is_possible(const State& state, const EstimatorConfig& config) {
   const ImuState& imu = state.imu();
@@ -44,10 +45,12 @@ Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::
   return seeing && tracks >= kEnoughTracks && for_long ? Remedy::kLookAgain : Remedy::kNone;
 }
 
-void FilterHealth::pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
-                        const EstimatorConfig& config) {
+Remedy FilterHealth::pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
+                          const EstimatorConfig& config) {
   carry(interval, config);
   miss(stamp_ns);
+  const bool for_long = seconds_between(healthy_ns_, stamp_ns) > kLandmarksWait_s;
+  return for_long ? Remedy::kForget : Remedy::kNone;
 }
 
 void FilterHealth::miss(TimeNs stamp_ns) {

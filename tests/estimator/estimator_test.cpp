@@ -137,6 +137,30 @@ TEST(Estimator, AnImageThatShowsNothingLeavesTheWindowAsItIs) {
   EXPECT_LT(compare(estimator.odometry(), drone).position_m, 0.3);
 }
 
+// Landmarks that wait for the next image are news of how far the drone has drifted meanwhile, until
+// that is more than one linearisation bears.
+TEST(Estimator, AfterTenSecondsWithoutAnImageItIsAsSureAsItMayBe) {
+  constexpr int kSeeds = 4;
+  double nees = 0, worst_m = 0;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    auto [drone, estimator] = take_off(Scenario::kMarsYard, seed, false);
+    int landmarks = 0;
+    for (const CameraMeasurement& image : drone.camera) {
+      const bool blind = time_of(drone, image) > 3 && time_of(drone, image) < 13;
+      const UpdateReport report =
+          blind ? estimator.pass_image(image.stamp_ns) : estimator.add_camera(image);
+      EXPECT_FALSE(report.reinitialized);
+      if (blind) landmarks = report.slam_features;
+    }
+    EXPECT_EQ(landmarks, 0) << "in the end";
+    const ErrorSample error = compare(estimator.odometry(), drone);
+    nees += error.position_nees / (3 * kSeeds);
+    worst_m = std::max(worst_m, error.position_m);
+  }
+  EXPECT_LT(worst_m, 1);
+  EXPECT_LT(nees, 3);
+}
+
 // Of the recording, from one before `from_ns` to the last one by `to_ns`.
 std::vector<ImuSample> samples_between(const DroneFeatures& drone, TimeNs from_ns, TimeNs to_ns) {
   std::vector<ImuSample> samples;
