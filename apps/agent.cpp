@@ -238,9 +238,9 @@ void Agent::tell_predicted() {
   const double interval_s = 1 / config_.onboard.odometry_rate_hz;
   if (seconds_between(told_motion_ns_, newest.stamp_ns) < (1 - kEarly) * interval_s) return;
   const std::optional<Odometry> odometry = pipeline_.predicted(dataset_.imu);
-  if (!odometry) return;
+  if (!odometry || odometry->stamp_ns <= told_motion_ns_) return;
   tell(*odometry, newest);
-  told_motion_ns_ = newest.stamp_ns;
+  told_motion_ns_ = odometry->stamp_ns;
 }
 
 void Agent::tell(const Odometry& odometry, const ImuSample& newest) {
