@@ -513,6 +513,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     return report;
   }
   report.propagated = true;
+  self.apply(FilterHealth::arrive(interval), report);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
   if (self.config.zero_velocity_updates && !interval.empty() &&

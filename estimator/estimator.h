@@ -79,7 +79,7 @@ class Estimator {
   UpdateReport add_camera(const CameraMeasurement& measurement);
 
   // An image that shows nothing: only propagates to it. Tracks and landmarks wait for the next one,
-  // for three seconds.
+  // for three seconds; so they do where no image comes at all.
   UpdateReport pass_image(TimeNs image_stamp_ns);
 
   // Collaborative update by covariance intersection: own landmarks and a peer's are one point each

@@ -32,6 +32,8 @@ class FilterHealth {
   // An image to which the IMU alone has led.
   [[nodiscard]] Remedy pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
                             const EstimatorConfig& config);
+  // Before the tracks of an image are used to which `interval` has led: no other one came in it.
+  [[nodiscard]] static Remedy arrive(const std::vector<ImuSample>& interval);
   // An image at which nothing is known.
   void miss(TimeNs stamp_ns);
   void restarted() { status_ = FilterStatus::kLost; }
