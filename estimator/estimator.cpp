@@ -66,6 +66,9 @@ constexpr double kStartHistory_s = 10;
 // Who waits longer for the first visual update makes it with whatever there is: the IMU alone
 // forgets the scale that the initial velocity tells, and slow flight does not show it again.
 constexpr double kStartPatience_s = 3;
+// Landmarks and tracks wait for an image that shows anything: for no longer, because by then poses
+// have become too uncertain for one linearisation.
+constexpr double kLandmarksWait_s = 3;
 
 // Of a SLAM feature: standard deviation of its inverse depth over its value.
 double depth_error(const State& state, int landmark) {
@@ -123,6 +126,7 @@ struct Estimator::Impl {
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void apply(Remedy remedy, UpdateReport& report);
   void look_again(UpdateReport& report);
+  void end_waiting(UpdateReport& report);
   void restart(UpdateReport& report);
 
   EstimatorConfig config;
@@ -442,10 +446,6 @@ void Estimator::Impl::apply(Remedy remedy, UpdateReport& report) {
     case Remedy::kLookAgain:
       look_again(report);
       break;
-    case Remedy::kForget:
-      look_again(report);
-      store.forget_all_observations();
-      break;
     case Remedy::kRestart:
       restart(report);
       break;
@@ -460,6 +460,15 @@ void Estimator::Impl::look_again(UpdateReport& report) {
   }
   seeing = false;
   waiting_since_ns = health.healthy_ns();
+}
+
+// What was seen too long ago is not waited for any more.
+void Estimator::Impl::end_waiting(UpdateReport& report) {
+  if (state->clones().empty()) return;
+  const double unseen_s = seconds_between(state->clones().back().stamp_ns, state->imu().stamp_ns);
+  if (unseen_s <= kLandmarksWait_s) return;
+  look_again(report);
+  store.forget_all_observations();
 }
 
 // Starts anew from the last healthy state and what the IMU has told since then, with the covariance
@@ -513,7 +522,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     return report;
   }
   report.propagated = true;
-  self.apply(FilterHealth::arrive(interval), report);
+  self.end_waiting(report);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
   if (self.config.zero_velocity_updates && !interval.empty() &&
@@ -552,7 +561,8 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
   report.propagated = !interval.empty();
   if (report.propagated) {
-    self.apply(self.health.pass(stamp_ns, interval, self.config), report);
+    self.health.pass(stamp_ns, interval, self.config);
+    self.end_waiting(report);
   } else {
     self.refuse_image(stamp_ns, report);
   }

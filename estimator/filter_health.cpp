@@ -8,7 +8,6 @@ namespace {
 
 constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
-constexpr double kLandmarksWait_s = 3;     // without an image that shows anything
 
 bool is_possible(const State& state, const EstimatorConfig& config) {
   const ImuState& imu = state.imu();
@@ -45,18 +44,10 @@ Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::
   return seeing && tracks >= kEnoughTracks && for_long ? Remedy::kLookAgain : Remedy::kNone;
 }
 
-Remedy FilterHealth::pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
-                          const EstimatorConfig& config) {
+void FilterHealth::pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
+                        const EstimatorConfig& config) {
   carry(interval, config);
   miss(stamp_ns);
-  const bool for_long = seconds_between(healthy_ns_, stamp_ns) > kLandmarksWait_s;
-  return for_long ? Remedy::kForget : Remedy::kNone;
-}
-
-Remedy FilterHealth::arrive(const std::vector<ImuSample>& interval) {
-  if (interval.empty()) return Remedy::kNone;
-  const double silent_s = seconds_between(interval.front().stamp_ns, interval.back().stamp_ns);
-  return silent_s > kLandmarksWait_s ? Remedy::kForget : Remedy::kNone;
 }
 
 void FilterHealth::miss(TimeNs stamp_ns) {

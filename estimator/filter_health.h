@@ -14,7 +14,6 @@ namespace covey {
 enum class Remedy {
   kNone,
   kLookAgain,  // the poses have become too uncertain for one linearisation
-  kForget,     // so they have for landmarks and tracks that wait: look again, and at new ones only
   kRestart,    // from the last healthy state, carried on by the IMU: the state itself is wrong
 };
 
@@ -30,10 +29,7 @@ class FilterHealth {
                              bool seeing, const std::vector<ImuSample>& interval,
                              const EstimatorConfig& config);
   // An image to which the IMU alone has led.
-  [[nodiscard]] Remedy pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
-                            const EstimatorConfig& config);
-  // Before the tracks of an image are used to which `interval` has led: no other one came in it.
-  [[nodiscard]] static Remedy arrive(const std::vector<ImuSample>& interval);
+  void pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval, const EstimatorConfig& config);
   // An image at which nothing is known.
   void miss(TimeNs stamp_ns);
   void restarted() { status_ = FilterStatus::kLost; }

@@ -137,6 +137,28 @@ TEST(Estimator, AnImageThatShowsNothingLeavesTheWindowAsItIs) {
   EXPECT_LT(compare(estimator.odometry(), drone).position_m, 0.3);
 }
 
+TEST(Estimator, LandmarksWaitThreeSecondsForAnImage) {
+  auto [drone, estimator] = take_off(Scenario::kCastleAround, 1, false);
+  int seen = 0;
+  for (const CameraMeasurement& image : drone.camera) {
+    const double blind_s = time_of(drone, image) - 3;
+    if (blind_s <= 0) {
+      seen = estimator.add_camera(image).slam_features;
+    } else if (blind_s < 3.5) {
+      const int waiting = estimator.pass_image(image.stamp_ns).slam_features;
+      if (blind_s < 2.9) {
+        EXPECT_EQ(waiting, seen) << blind_s;
+      } else if (blind_s > 3.1) {
+        EXPECT_EQ(waiting, 0) << blind_s;
+      }
+    } else {
+      (void)estimator.add_camera(image);
+    }
+  }
+  EXPECT_GT(seen, 0);
+  EXPECT_FALSE(estimator.slam_tracks().empty()) << "it sees again";
+}
+
 // Landmarks that wait for the next image are news of how far the drone has drifted meanwhile, until
 // that is more than one linearisation bears: of images that show nothing, or do not come at all.
 TEST(Estimator, AfterTenSecondsWithoutAnImageItIsAsSureAsItMayBe) {
