@@ -134,7 +134,9 @@ struct Estimator::Impl {
   PeerGate gate_peer;
   ImuBuffer imu;
   std::optional<State> state;
-  std::optional<State> glimpsed;  // before the first visual update, of the present image
+  // Before the first visual update: the state as the tracks so far have it, not to be kept.
+  std::optional<State> glimpsed;
+  bool depths_glimpsed = false;  // those of single tracks as well
   std::optional<VisionUpdate> vision;
   std::optional<EkfUpdate> still_update;
   TrackStore store;
@@ -153,6 +155,7 @@ void Estimator::Impl::start(const State& initial) {
   vision.emplace(config, state->capacity());
   still_update.emplace(16, state->capacity());
   glimpsed.reset();
+  depths_glimpsed = false;
   store.clear();
   stillness.clear();
   reference.clear();
@@ -163,14 +166,17 @@ void Estimator::Impl::start(const State& initial) {
 }
 
 std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
-  glimpsed.reset();
   const ImuState& now = state->imu();
   if (stamp_ns <= now.stamp_ns || !imu.covers(stamp_ns)) return {};
   std::vector<ImuSample> interval =
       imu.between(now.stamp_ns, stamp_ns, config.max_imu_gap_s, report.imu_gaps);
-  const ImuIncrement increment =
-      integrate_imu(interval, now.gyro_bias, now.accel_bias, config.imu_noise);
-  state->propagate(increment, stamp_ns, config.gravity, config.imu_noise);
+  const auto carry = [&](State& carried) {
+    const ImuIncrement increment = integrate_imu(interval, carried.imu().gyro_bias,
+                                                 carried.imu().accel_bias, config.imu_noise);
+    carried.propagate(increment, stamp_ns, config.gravity, config.imu_noise);
+  };
+  carry(*state);
+  if (glimpsed) carry(*glimpsed);
   imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
 }
@@ -253,6 +259,7 @@ void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
   vision->reanchor(*state, index, report);
   store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
   state->remove_clone(index);
+  if (glimpsed) glimpsed->remove_clone(index);
 }
 
 void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report) {
@@ -263,6 +270,7 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 }
 
 // Before the first visual update the window only collects; each new keyframe is a chance to start.
+// What the tracks say until then is told, and carried on by the IMU where they do not agree.
 // Tracks that have ended are often short, their depths known badly and linearised where they are
 // not: only who has waited long uses them.
 void Estimator::Impl::try_start(UpdateReport& report) {
@@ -276,9 +284,18 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
     return a->observations.size() > b->observations.size();
   });
-  glimpsed = vision->glimpse(*state, tracks);
-  if (state->clones().back().keyframe && state->clones().size() >= 4) {
-    seeing = vision->start(*state, told(), tracks, impatient, report);
+  const bool attempt = state->clones().back().keyframe && state->clones().size() >= 4;
+  const auto glimpse = [&] {
+    if (std::optional<State> seen = vision->glimpse(*state, tracks)) glimpsed = std::move(seen);
+  };
+  if (!depths_glimpsed) glimpse();
+  if (attempt) {
+    State guess = told();
+    const VisionUpdate::Start found = vision->start(*state, guess, tracks, impatient, report);
+    if (found == VisionUpdate::Start::kNone && depths_glimpsed) glimpse();
+    if (found == VisionUpdate::Start::kTooSoon) glimpsed = std::move(guess);
+    depths_glimpsed = found == VisionUpdate::Start::kTooSoon;
+    seeing = found == VisionUpdate::Start::kMade;
   }
   if (!seeing) return;
   scale_known = false;
@@ -531,12 +548,20 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
                        self.state->imu().gyro_bias)) {
     report.zero_velocity =
         update_zero_velocity(*self.state, *self.still_update, interval, self.config);
+    if (report.zero_velocity) {
+      self.glimpsed.reset();
+      self.depths_glimpsed = false;
+    }
   }
   const bool keyframe = self.becomes_keyframe(tracks);
   const Eigen::Vector3d rate =
       interval.empty() ? Eigen::Vector3d::Zero().eval()
                        : (interval.back().gyro_imu - self.state->imu().gyro_bias).eval();
-  self.state->add_clone(self.next_clone_id++, measurement.stamp_ns, keyframe, rate);
+  for (State* state : {&*self.state, self.glimpsed ? &*self.glimpsed : nullptr}) {
+    if (state == nullptr) continue;
+    state->add_clone(self.next_clone_id, measurement.stamp_ns, keyframe, rate);
+  }
+  ++self.next_clone_id;
   if (keyframe) {
     self.reference = tracks;
     self.reference_id = self.state->clones().back().id;

@@ -418,33 +418,36 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
   return quality;
 }
 
-bool VisionUpdate::start(State& state, const State& guess, const std::vector<const Track*>& tracks,
-                         bool impatient, UpdateReport& report) {
+VisionUpdate::Start VisionUpdate::start(State& state, State& guess,
+                                        const std::vector<const Track*>& tracks, bool impatient,
+                                        UpdateReport& report) {
   State current = guess;
   current.forget_first_estimates();
   const int columns = window_columns(state);
   for (int i = 0; i < kStartIterations; ++i) {
-    if (stack_for_start(current, tracks).tracks < kMinStartTracks) return false;
+    if (stack_for_start(current, tracks).tracks < kMinStartTracks) return Start::kNone;
     // Iterated update (Jazwinski 1970, section 8.3): prior and Jacobians at the present iterate.
     auto H = stack_.topLeftCorner(stack_rows_, columns);
     stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
     State next = state;
-    if (!apply_stack(next)) return false;
+    if (!apply_stack(next)) return Start::kNone;
     next.forget_first_estimates();
     const double change = next.window_minus(current).cwiseAbs().maxCoeff();
     current = next;
     if (change < kStartConverged) break;
   }
   const StartQuality quality = stack_for_start(current, tracks);
-  const double most = impatient ? kMaxBearingDepthError : kMaxStartDepthError;
+  const double error = quality.median_depth_error;
   if (quality.tracks < kMinStartTracks || quality.median_squared_residual > kMaxStartResidual ||
-      !(quality.median_depth_error < most)) {
-    return false;
+      !(error < (impatient ? kMaxBearingDepthError : config_.max_msckf_depth_error))) {
+    return Start::kNone;
   }
-  state = current;
+  guess = current;
+  if (!impatient && !(error < kMaxStartDepthError)) return Start::kTooSoon;
+  state = std::move(current);
   report.msckf_used += quality.tracks;
   augment_at_start(state, tracks, report);
-  return true;
+  return Start::kMade;
 }
 
 // The tracks' own rows are still unused: they make the tracks that go on SLAM features, so that

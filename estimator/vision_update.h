@@ -49,11 +49,15 @@ class VisionUpdate {
 
   // The first visual update: all tracks and all clones at once, iterated (Gauss-Newton on prior and
   // bearings), because before it neither depth nor scale is known and one linearisation would be
-  // wrong for good. `guess`: where to begin, of the same window. Commits and returns true only when
-  // depths have become known, or it is `impatient`, and the tracks agree.
-  [[nodiscard]] bool start(State& state, const State& guess,
-                           const std::vector<const Track*>& tracks, bool impatient,
-                           UpdateReport& report);
+  // wrong for good. `guess`: where to begin, of the same window; what has been found unless kNone.
+  // Commits it only when depths have become known, or it is `impatient`.
+  enum class Start {
+    kNone,     // the tracks do not agree, or say nothing of depths
+    kTooSoon,  // they agree, but depths are not known well enough to be linearised for good
+    kMade,
+  };
+  [[nodiscard]] Start start(State& state, State& guess, const std::vector<const Track*>& tracks,
+                            bool impatient, UpdateReport& report);
 
   // Before the start: the state as the tracks have it if what is in sight lies about equally far
   // away, however far that is. Hovering shows no depth, but turning, and that it hovers. Not to be
