@@ -2,7 +2,6 @@
 #include "estimator/estimator.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -17,6 +16,7 @@
 #include "estimator/peer_update.h"
 #include "estimator/so3.h"
 #include "estimator/state_snapshot.h"
+#include "estimator/track_selection.h"
 #include "estimator/vision_update.h"
 #include "estimator/zero_velocity.h"
 
@@ -89,15 +89,6 @@ std::optional<double> median_depth_error(const State& state) {
   return median(std::move(errors));
 }
 
-// A landmark in each cell of a coarse grid: SLAM features should look in all directions.
-constexpr int kGrid = 4;
-int grid_cell(const Eigen::Vector2d& bearing) {
-  const auto index = [](double x) {
-    return std::clamp(static_cast<int>((x + 1) / 2 * kGrid), 0, kGrid - 1);
-  };
-  return index(bearing.x()) * kGrid + index(bearing.y());
-}
-
 }  // namespace
 
 struct Estimator::Impl {
@@ -113,8 +104,6 @@ struct Estimator::Impl {
   const State& told() const { return glimpsed ? *glimpsed : *state; }
   void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
-  std::vector<const Track*> ended_or_leaving(std::optional<std::uint64_t> leaving) const;
-  std::vector<const Track*> slam_candidates(const std::vector<const Track*>& taken) const;
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
   void settle_scale();
   void drop_clone(int index, UpdateReport& report);
@@ -191,44 +180,6 @@ bool Estimator::Impl::becomes_keyframe(const TrackList& tracks) const {
   const double age = seconds_between(state->clones()[static_cast<std::size_t>(last)].stamp_ns,
                                      state->imu().stamp_ns);
   return is_new_view(config, change, age);
-}
-
-// Tracks to be used now: those that ended, and those whose oldest view is about to leave.
-std::vector<const Track*> Estimator::Impl::ended_or_leaving(
-    std::optional<std::uint64_t> leaving) const {
-  std::vector<const Track*> chosen;
-  for (const Track& track : store.tracks()) {
-    const bool leaves = leaving && track.find(*leaving) != nullptr;
-    if (!track.seen_now || leaves) chosen.push_back(&track);
-  }
-  std::stable_sort(chosen.begin(), chosen.end(), [](const Track* a, const Track* b) {
-    return a->observations.size() > b->observations.size();
-  });
-  const auto limit = static_cast<std::size_t>(config.max_msckf_features);
-  if (chosen.size() > limit) chosen.resize(limit);
-  return chosen;
-}
-
-// Tracks that go on, longest first, those from cells without SLAM features before the others.
-std::vector<const Track*> Estimator::Impl::slam_candidates(
-    const std::vector<const Track*>& taken) const {
-  std::array<int, static_cast<std::size_t>(kGrid) * kGrid> in_cell{};
-  for (const SlamLandmark& landmark : state->landmarks()) {
-    ++in_cell[static_cast<std::size_t>(grid_cell(landmark.inverse_depth.head<2>()))];
-  }
-  std::vector<const Track*> chosen;
-  for (const Track& track : store.tracks()) {
-    const bool used = std::find(taken.begin(), taken.end(), &track) != taken.end();
-    if (track.seen_now && !used && track.observations.size() >= 4) chosen.push_back(&track);
-  }
-  const auto crowd = [&](const Track* track) {
-    return in_cell[static_cast<std::size_t>(grid_cell(track->observations.back().bearing))];
-  };
-  std::stable_sort(chosen.begin(), chosen.end(), [&](const Track* a, const Track* b) {
-    if (crowd(a) != crowd(b)) return crowd(a) < crowd(b);
-    return a->observations.size() > b->observations.size();
-  });
-  return chosen;
 }
 
 void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport& report) {
@@ -362,10 +313,11 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   std::optional<std::uint64_t> leaving;
   if (keyframes > config.max_clones) leaving = state->clones().front().id;
 
-  const std::vector<const Track*> features = ended_or_leaving(leaving);
+  const std::vector<const Track*> features =
+      ended_or_leaving(store, leaving, config.max_msckf_features);
   const int free_slots = config.max_slam_features - static_cast<int>(state->landmarks().size());
   std::vector<const Track*> candidates;
-  if (free_slots > 0) candidates = slam_candidates(features);
+  if (free_slots > 0) candidates = slam_candidates(store, *state, features);
   for (const std::uint64_t id :
        vision->update_tracks(*state, features, candidates, free_slots, report)) {
     if (state->find_landmark(id) >= 0) {

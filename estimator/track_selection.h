@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Which tracks a visual update uses.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "estimator/state.h"
+#include "estimator/track_store.h"
+
+namespace covey {
+
+// To be used and forgotten, the longest first: those that have ended, and those whose oldest view,
+// `leaving`, is about to leave the window.
+[[nodiscard]] std::vector<const Track*> ended_or_leaving(const TrackStore& store,
+                                                         std::optional<std::uint64_t> leaving,
+                                                         int limit);
+
+// That may become SLAM features: of those that go on and are not `taken`, first those from cells of
+// the image without SLAM features, the longest first.
+[[nodiscard]] std::vector<const Track*> slam_candidates(const TrackStore& store, const State& state,
+                                                        const std::vector<const Track*>& taken);
+
+}  // namespace covey
