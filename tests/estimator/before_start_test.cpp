@@ -14,6 +14,7 @@
 #include "estimator/so3.h"
 #include "sim/feature_simulation.h"
 #include "sim/random.h"
+#include "tests/estimator/flown_heading.h"
 
 namespace covey {
 namespace {
@@ -44,21 +45,15 @@ DroneFeatures hovering_drone(Scenario scene, std::uint64_t seed, double pixel_si
 
 // At 0.3 m/s for six seconds.
 DroneFeatures slow_drone(std::uint64_t seed) {
-  Eigen::Matrix3d R_heading_imu;  // EuRoC's IMU: x up, the camera looks along z
-  R_heading_imu << 0, 0, 1, 0, -1, 0, 1, 0, 0;
-  std::vector<double> times_s;
-  std::vector<Pose> poses;
   const auto phase = 0.7 * static_cast<double>(seed);
-  for (double t = 0; t < 6; t += 0.02) {
-    const Eigen::Vector3d p(std::sin(0.25 * t + phase), 0.6 * std::sin(0.37 * t + phase),
-                            1.5 + 0.2 * std::sin(0.45 * t));
-    const Eigen::AngleAxisd yaw(0.3 * std::sin(0.2 * t) + phase, Eigen::Vector3d::UnitZ());
-    times_s.push_back(t);
-    poses.push_back({p, Eigen::Quaterniond(yaw * R_heading_imu)});
-  }
+  const auto motion = [phase](double t) -> Heading {
+    return {{std::sin(0.25 * t + phase), 0.6 * std::sin(0.37 * t + phase),
+             1.5 + 0.2 * std::sin(0.45 * t)},
+            0.3 * std::sin(0.2 * t) + phase};
+  };
   FeatureScenario scenario;
   scenario.flight.scenario = Scenario::kRoom;
-  scenario.flight.recorded = {Trajectory::from_poses(times_s, poses)};
+  scenario.flight.recorded = {flown(motion, 6)};
   scenario.camera.rate_hz = 30;
   scenario.camera.pixel_sigma = 0.05;
   return simulate_features(scenario, seed).drones[0];

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tests/estimator/filter_run.h"
+#include "tests/estimator/flown_heading.h"
 
 namespace covey {
 namespace {
@@ -129,11 +130,6 @@ double started(double time_s, double rise_s) {
 }
 
 // Motions that hardly show the scale for seconds.
-struct Heading {
-  Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();
-  double yaw = 0;
-};
-
 Heading hovering(double t) {
   return {{0.02 * std::sin(1.3 * t), 0.02 * std::sin(1.7 * t), 0.015 * std::sin(2.1 * t)},
           0.01 * std::sin(1.9 * t)};
@@ -149,20 +145,7 @@ Heading turning(double t) {
   return {{std::cos(way), std::sin(way), 0.1 * std::sin(0.7 * t)}, 0.8 * started(t, 1)};
 }
 
-Trajectory flown(Heading (*motion)(double)) {
-  constexpr double kSeconds = 6, kStep_s = 0.02;
-  Eigen::Matrix3d R_heading_imu;  // EuRoC's IMU: x up, the camera looks along z
-  R_heading_imu << 0, 0, 1, 0, -1, 0, 1, 0, 0;
-  std::vector<double> times_s;
-  std::vector<Pose> poses;
-  for (double t = 0; t < kSeconds; t += kStep_s) {
-    const Heading heading = motion(t);
-    const Eigen::AngleAxisd turned(heading.yaw, Eigen::Vector3d::UnitZ());
-    times_s.push_back(t);
-    poses.push_back({heading.p_world_imu, Eigen::Quaterniond(turned * R_heading_imu)});
-  }
-  return Trajectory::from_poses(times_s, poses);
-}
+constexpr double kGentle_s = 6;
 
 // At 0.15 m/s.
 Heading drifting(double t) {
@@ -176,7 +159,7 @@ double mean_nees_of_gentle_flights(Heading (*motion)(double)) {
   constexpr double kStarted_s = 2;
   FeatureScenario scenario;
   scenario.flight.scenario = Scenario::kRoom;
-  scenario.flight.recorded = {flown(motion)};
+  scenario.flight.recorded = {flown(motion, kGentle_s)};
   scenario.camera.rate_hz = 30;
   scenario.camera.pixel_sigma = 0.1;
   EstimatorConfig config;
@@ -221,7 +204,7 @@ TEST(Consistency, ASlowDroneOfShortTracksStarts) {
   constexpr int kFlights = kEnoughForStatistics ? 12 : 2;
   FeatureScenario scenario;
   scenario.flight.scenario = Scenario::kRoom;
-  scenario.flight.recorded = {flown(drifting)};
+  scenario.flight.recorded = {flown(drifting, kGentle_s)};
   scenario.camera.rate_hz = 30;
   scenario.camera.pixel_sigma = 0.5;
   scenario.camera.loss_share = 0.1;  // tracks live for a third of a second
