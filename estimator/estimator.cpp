@@ -101,7 +101,7 @@ struct Estimator::Impl {
   bool becomes_keyframe(const TrackList& tracks) const;
   void try_start(UpdateReport& report);
   // What is told of the motion.
-  const State& told() const { return glimpsed ? *glimpsed : *state; }
+  const State& told() const { return glimpsed ? glimpsed->state : *state; }
   void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
@@ -124,8 +124,11 @@ struct Estimator::Impl {
   ImuBuffer imu;
   std::optional<State> state;
   // Before the first visual update: the state as the tracks so far have it, not to be kept.
-  std::optional<State> glimpsed;
-  bool depths_glimpsed = false;  // those of single tracks as well
+  struct Glimpsed {
+    State state;
+    bool depths = false;  // with those of single tracks
+  };
+  std::optional<Glimpsed> glimpsed;
   std::optional<VisionUpdate> vision;
   std::optional<EkfUpdate> still_update;
   TrackStore store;
@@ -144,7 +147,6 @@ void Estimator::Impl::start(const State& initial) {
   vision.emplace(config, state->capacity());
   still_update.emplace(16, state->capacity());
   glimpsed.reset();
-  depths_glimpsed = false;
   store.clear();
   stillness.clear();
   reference.clear();
@@ -165,7 +167,7 @@ std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport&
     carried.propagate(increment, stamp_ns, config.gravity, config.imu_noise);
   };
   carry(*state);
-  if (glimpsed) carry(*glimpsed);
+  if (glimpsed) carry(glimpsed->state);
   imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
 }
@@ -210,7 +212,7 @@ void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
   vision->reanchor(*state, index, report);
   store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
   state->remove_clone(index);
-  if (glimpsed) glimpsed->remove_clone(index);
+  if (glimpsed) glimpsed->state.remove_clone(index);
 }
 
 void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report) {
@@ -237,16 +239,20 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   });
   const bool attempt = state->clones().back().keyframe && state->clones().size() >= 4;
   const auto glimpse = [&] {
-    if (std::optional<State> seen = vision->glimpse(*state, tracks)) glimpsed = std::move(seen);
+    if (std::optional<State> seen = vision->glimpse(*state, tracks))
+      glimpsed = {std::move(*seen), false};
   };
-  if (!depths_glimpsed) glimpse();
+  const bool depths_seen = glimpsed && glimpsed->depths;
+  if (!depths_seen) glimpse();
   if (attempt) {
     State guess = told();
     const VisionUpdate::Start found = vision->start(*state, guess, tracks, impatient, report);
-    if (found == VisionUpdate::Start::kNone && depths_glimpsed) glimpse();
-    if (found == VisionUpdate::Start::kTooSoon) glimpsed = std::move(guess);
-    depths_glimpsed = found == VisionUpdate::Start::kTooSoon;
     seeing = found == VisionUpdate::Start::kMade;
+    if (found == VisionUpdate::Start::kTooSoon) glimpsed = {std::move(guess), true};
+    if (found == VisionUpdate::Start::kNone && depths_seen) {
+      glimpsed->depths = false;
+      glimpse();
+    }
   }
   if (!seeing) return;
   scale_known = false;
@@ -500,19 +506,17 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
                        self.state->imu().gyro_bias)) {
     report.zero_velocity =
         update_zero_velocity(*self.state, *self.still_update, interval, self.config);
-    if (report.zero_velocity) {
-      self.glimpsed.reset();
-      self.depths_glimpsed = false;
-    }
+    if (report.zero_velocity) self.glimpsed.reset();
   }
   const bool keyframe = self.becomes_keyframe(tracks);
   const Eigen::Vector3d rate =
       interval.empty() ? Eigen::Vector3d::Zero().eval()
                        : (interval.back().gyro_imu - self.state->imu().gyro_bias).eval();
-  for (State* state : {&*self.state, self.glimpsed ? &*self.glimpsed : nullptr}) {
-    if (state == nullptr) continue;
-    state->add_clone(self.next_clone_id, measurement.stamp_ns, keyframe, rate);
-  }
+  const auto clone = [&](State& state) {
+    state.add_clone(self.next_clone_id, measurement.stamp_ns, keyframe, rate);
+  };
+  clone(*self.state);
+  if (self.glimpsed) clone(self.glimpsed->state);
   ++self.next_clone_id;
   if (keyframe) {
     self.reference = tracks;
