@@ -70,15 +70,24 @@ constexpr double kStartPatience_s = 3;
 // have become too uncertain for one linearisation.
 constexpr double kLandmarksWait_s = 3;
 
-// Of a SLAM feature: standard deviation of its inverse depth over its value.
+// Of a SLAM feature: standard deviation of its inverse depth over its value, relative to the scale,
+// and in metres.
 double depth_error(const State& state, int landmark) {
   const int rho = state.landmark_offset(landmark) + 2;
   return std::sqrt(state.covariance()(rho, rho)) /
          state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
 }
 
-// What depths have in common is the scale.
-constexpr double kScaleKnown = 0.01;
+double metric_depth_error(const State& state, int landmark) {
+  const int rho = state.landmark_offset(landmark) + 2, scale = state.scale_offset();
+  const double value = state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
+  const auto P = state.covariance();
+  return std::sqrt(P(rho, rho) / (value * value) - 2 * P(rho, scale) / value + P(scale, scale));
+}
+
+constexpr double kDepthsKnown = 0.01;
+// Of the visual scale, until it is made part of the state's again.
+constexpr double kScaleDrift = 0.01;
 std::optional<double> median_depth_error(const State& state) {
   std::vector<double> errors;
   errors.reserve(state.landmarks().size());
@@ -105,7 +114,7 @@ struct Estimator::Impl {
   void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
-  void settle_scale();
+  void settle_depths();
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
   std::vector<const Track*> matched_tracks(const KeyframeMatch& match) const;
@@ -137,7 +146,7 @@ struct Estimator::Impl {
   std::uint64_t reference_id = 0, next_clone_id = 1;
   bool seeing = false;          // the first visual update has been made
   TimeNs waiting_since_ns = 0;  // for it
-  bool scale_known = false;     // since then
+  bool depths_known = false;    // since then
   FilterHealth health;
   UpdateReport pending;  // counts of IMU trouble until the next image
 };
@@ -197,15 +206,16 @@ void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport&
   }
 }
 
-// As long as the scale is known badly, first estimates are wrong by as much, and linearised there
-// parallax, known to a thousandth, would tell of the scale what it does not: gentle starts become
-// overconfident. What first estimates are for, yaw and position that nothing shows, suffers little
-// in the few seconds until then.
-void Estimator::Impl::settle_scale() {
-  if (scale_known) return;
+// As long as depths are known badly, first estimates are wrong by as much, and linearised there
+// parallax, known to a thousandth, would tell what it does not: gentle starts become overconfident.
+// What first estimates are for, yaw and position that nothing shows, suffers little in the few
+// seconds until then.
+void Estimator::Impl::settle_depths() {
+  if (state->common_depth_sigma() > kScaleDrift) state->separate_scale();
+  if (depths_known) return;
   const std::optional<double> error = median_depth_error(*state);
-  scale_known = config.max_slam_features == 0 || (error && *error < kScaleKnown);
-  if (!scale_known) state->forget_first_estimates();
+  depths_known = config.max_slam_features == 0 || (error && *error < kDepthsKnown);
+  if (!depths_known) state->forget_first_estimates();
 }
 
 void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
@@ -255,7 +265,7 @@ void Estimator::Impl::try_start(UpdateReport& report) {
     }
   }
   if (!seeing) return;
-  scale_known = false;
+  depths_known = false;
   glimpsed.reset();
   store.forget_all_observations();
   for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
@@ -332,7 +342,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
       store.forget_observations(id);
     }
   }
-  settle_scale();
+  settle_depths();
   store.drop_ended();
   marginalize(leaving, report);
   report.msckf_ms = now_ms() - msckf_start;
@@ -387,9 +397,10 @@ SharedKeyframe Estimator::Impl::shared_keyframe(const State& trial, const Keyfra
 }
 
 // On a copy, because a track whose rows are used must not be used again: it is only worth it when
-// the peer helps.
+// the peer helps. A peer speaks of metres.
 PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
   State trial = *state;
+  trial.merge_scale();
   const std::vector<const Track*> tracks = matched_tracks(match);
   UpdateReport null_space;
   (void)vision->update_tracks(trial, tracks, {}, 0, null_space);
@@ -402,6 +413,7 @@ PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
   report.uninformative += fused.uninformative;
   if (report.used == 0) return report;
   *state = std::move(trial);
+  if (seeing) state->separate_scale();
   for (const Track* track : tracks) store.forget_observations(track->id);
   return report;
 }
@@ -433,6 +445,7 @@ void Estimator::Impl::look_again(UpdateReport& report) {
     state->remove_landmark(i);
     ++report.slam_lost;
   }
+  state->merge_scale();
   seeing = false;
   waiting_since_ns = health.healthy_ns();
 }
@@ -593,8 +606,8 @@ std::optional<CameraEstimate> Estimator::camera() const {
   by_imu << Eigen::Matrix3d::Identity(), -R * skew(extrinsics.p_imu_cam), zero, R;
   by_extrinsics << R, zero, zero, camera.R_world_cam;
 
-  const auto P = state.covariance();
   const int clone = state.clone_offset(static_cast<int>(state.clones().size()) - 1);
+  const Eigen::MatrixXd P = state.metric_covariance(clone + 6);
   Matrix6d covariance = by_imu * P.block<6, 6>(clone, clone) * by_imu.transpose();
   if (const int at = state.extrinsics_offset(); at >= 0) {
     const Matrix6d cross = by_extrinsics * P.block<6, 6>(at, clone) * by_imu.transpose();
@@ -618,7 +631,7 @@ std::vector<TrackDepth> Estimator::depths() {
   const State& state = *impl_->state;
   for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
     const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
-    const auto depth = depth_from(state, landmark, depth_error(state, i));
+    const auto depth = depth_from(state, landmark, metric_depth_error(state, i));
     if (depth) depths.push_back(*depth);
   }
   for (const Track& track : impl_->store.tracks()) {

@@ -38,6 +38,14 @@ Matrix15d transition(const ImuIncrement& increment, const ImuState& first, const
   return F;
 }
 
+Eigen::Matrix<double, State::kImuSize, 1> transition_by_scale(const Eigen::Vector3d& dv,
+                                                              double dt) {
+  Eigen::Matrix<double, State::kImuSize, 1> F = Eigen::Matrix<double, State::kImuSize, 1>::Zero();
+  F.segment<3>(State::kPosition) = -dt / 2 * dv;
+  F.segment<3>(State::kVelocity) = -dv;
+  return F;
+}
+
 Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,
                         const ImuNoise& noise) {
   Matrix15d Q;

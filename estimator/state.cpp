@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
+#include <initializer_list>
 
 #include "estimator/calibration_sigma.h"
 #include "estimator/imu_transition.h"
@@ -10,6 +12,11 @@
 
 namespace covey {
 namespace {
+
+// How long an acceleration lasts before the scale counts on it, and by how many standard deviations
+// another one must stand out of the accelerometer's noise.
+constexpr double kTrend_s = 2;
+constexpr double kStandsOut = 3;
 
 constexpr int kSpareClones = 2;  // the present image and the last one that was no keyframe
 
@@ -22,22 +29,18 @@ void rotate_locally(Eigen::Quaterniond& q, const Eigen::Vector3d& dtheta) {
 State::State(const EstimatorConfig& config, const ImuState& imu,
              const Eigen::Matrix<double, kImuSize, kImuSize>& imu_covariance)
     : imu_(imu), imu_first_(imu), extrinsics_(config.extrinsics) {
-  if (config.calibrate_extrinsics) {
-    extrinsics_offset_ = kImuSize;
-    calibration_size_ += 6;
-  }
-  if (config.calibrate_time_offset) {
-    time_offset_offset_ = kImuSize + calibration_size_;
-    calibration_size_ += 1;
-  }
-  if (config.calibrate_intrinsics) {
-    intrinsics_offset_ = kImuSize + calibration_size_;
-    calibration_size_ += kIntrinsicsSize;
-  }
-  const int capacity = kImuSize + calibration_size_ + 6 * (config.max_clones + kSpareClones) +
-                       3 * config.max_slam_features;
+  const auto place = [this](bool estimated, int size) {
+    const int offset = estimated ? scale_offset_ : -1;
+    if (estimated) scale_offset_ += size;
+    return offset;
+  };
+  extrinsics_offset_ = place(config.calibrate_extrinsics, 6);
+  time_offset_offset_ = place(config.calibrate_time_offset, 1);
+  intrinsics_offset_ = place(config.calibrate_intrinsics, kIntrinsicsSize);
+  const int capacity =
+      clones_offset() + 6 * (config.max_clones + kSpareClones) + 3 * config.max_slam_features;
   P_.setZero(capacity, capacity);
-  dimension_ = kImuSize + calibration_size_;
+  dimension_ = clones_offset();
   P_.topLeftCorner<kImuSize, kImuSize>() = imu_covariance;
   const CalibrationSigma sigma = calibration_sigma_at_start(config);
   if (extrinsics_offset_ >= 0) {
@@ -63,7 +66,7 @@ State::State(const EstimatorConfig& config, const CoreState& core)
 }
 
 CoreState State::core() const {
-  return {imu_, extrinsics_, intrinsics_error_, P_.topLeftCorner(clones_offset(), clones_offset())};
+  return {imu_, extrinsics_, intrinsics_error_, metric_covariance(clones_offset())};
 }
 
 int State::find_clone(std::uint64_t id) const {
@@ -80,18 +83,38 @@ int State::find_landmark(std::uint64_t track_id) const {
   return -1;
 }
 
+Eigen::Vector3d State::without_noise(const Eigen::Vector3d& dv, double dt, double noise_variance) {
+  if (trend_.duration_s > 0) {
+    const Eigen::Vector3d seen = (imu_.v_world_imu - trend_.v_world_imu) / trend_.duration_s;
+    trend_.a_world_imu += std::min(trend_.duration_s / kTrend_s, 1.0) * (seen - trend_.a_world_imu);
+  }
+  trend_.v_world_imu = imu_.v_world_imu;
+  trend_.duration_s = dt;
+  const Eigen::Vector3d expected = trend_.a_world_imu * dt, rest = dv - expected;
+  const double noise_share = kStandsOut * kStandsOut * noise_variance / rest.squaredNorm();
+  return expected + std::max(0.0, 1 - noise_share) * rest;
+}
+
 void State::propagate(const ImuIncrement& increment, TimeNs stamp_ns, double gravity,
                       const ImuNoise& noise) {
   const Eigen::Vector3d g(0, 0, -gravity);
   const ImuState end = carried_over(imu_, increment, stamp_ns, g);
   const auto F = transition(increment, imu_first_, end, g);
+  const auto Q = process_noise(increment, imu_.pose.q_world_imu.toRotationMatrix(), noise);
+  const double dt = increment.duration_s;
+  const Eigen::Vector3d dv = without_noise(end.v_world_imu - imu_.v_world_imu, dt,
+                                           Q.block<3, 3>(kVelocity, kVelocity).trace());
+  const auto F_scale = transition_by_scale(dv, dt);
   const int rest = dimension_ - kImuSize;
+  const Eigen::RowVectorXd of_scale = P_.row(scale_offset_).head(dimension_);
+  const auto moved = (F * of_scale.head<kImuSize>().transpose()).eval();
   const Eigen::Matrix<double, kImuSize, kImuSize> P_imu = P_.topLeftCorner<kImuSize, kImuSize>();
   P_.topLeftCorner<kImuSize, kImuSize>() =
-      F * P_imu * F.transpose() +
-      process_noise(increment, imu_.pose.q_world_imu.toRotationMatrix(), noise);
+      F * P_imu * F.transpose() + F_scale * moved.transpose() + moved * F_scale.transpose() +
+      of_scale(scale_offset_) * F_scale * F_scale.transpose() + Q;
   if (rest > 0) {
-    P_.block(0, kImuSize, kImuSize, rest) = (F * P_.block(0, kImuSize, kImuSize, rest)).eval();
+    P_.block(0, kImuSize, kImuSize, rest) =
+        (F * P_.block(0, kImuSize, kImuSize, rest) + F_scale * of_scale.tail(rest)).eval();
     P_.block(kImuSize, 0, rest, kImuSize) = P_.block(0, kImuSize, kImuSize, rest).transpose();
   }
   imu_ = end;
@@ -164,6 +187,110 @@ void State::count_gated(int landmark_index, bool gated) {
   count = gated ? count + 1 : 0;
 }
 
+// d(what is in metres)/d(ds).
+Eigen::VectorXd State::change_by_scale() const {
+  Eigen::VectorXd D = Eigen::VectorXd::Zero(dimension_);
+  D.segment<3>(kPosition) = imu_.pose.p_world_imu - scale_origin_;
+  D.segment<3>(kVelocity) = imu_.v_world_imu;
+  for (std::size_t i = 0; i < clones_.size(); ++i) {
+    D.segment<3>(clone_offset(static_cast<int>(i))) = clones_[i].pose.p_world_imu - scale_origin_;
+  }
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    D(landmark_offset(static_cast<int>(i)) + 2) = -landmarks_[i].inverse_depth.z();
+  }
+  return D;
+}
+
+Eigen::MatrixXd State::metric_covariance(int size) const {
+  assert(size >= clones_offset());
+  const Eigen::VectorXd D = change_by_scale().head(size);
+  const Eigen::VectorXd of_scale = P_.col(scale_offset_).head(size);
+  Eigen::MatrixXd P = P_.topLeftCorner(size, size);
+  P += of_scale * D.transpose() + D * of_scale.transpose() +
+       of_scale(scale_offset_) * D * D.transpose();
+  P.col(scale_offset_).setZero();
+  P.row(scale_offset_).setZero();
+  return P;
+}
+
+// d(what the window's clones are apart by, over its value)/d(error state).
+Eigen::RowVectorXd State::common_distance() const {
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  for (const Clone& clone : clones_) middle += clone.pose.p_world_imu;
+  middle /= static_cast<double>(clones_.size());
+  Eigen::RowVectorXd L = Eigen::RowVectorXd::Zero(dimension_);
+  double squared = 0;
+  for (std::size_t i = 0; i < clones_.size(); ++i) {
+    const Eigen::Vector3d arm = clones_[i].pose.p_world_imu - middle;
+    L.segment<3>(clone_offset(static_cast<int>(i))) = arm.transpose();
+    squared += arm.squaredNorm();
+  }
+  return L / squared;
+}
+
+// d(mean of -drho/rho)/d(error state).
+Eigen::RowVectorXd State::common_depth() const {
+  Eigen::RowVectorXd L = Eigen::RowVectorXd::Zero(dimension_);
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    const double rho = landmarks_[i].inverse_depth.z();
+    L(landmark_offset(static_cast<int>(i)) + 2) =
+        -1 / (rho * static_cast<double>(landmarks_.size()));
+  }
+  return L;
+}
+
+double State::common_depth_sigma() const {
+  const int begin = landmark_offset(0), size = dimension_ - begin;
+  const Eigen::RowVectorXd L = common_depth().tail(size);
+  return std::sqrt((L * P_.block(begin, begin, size, size)).dot(L));
+}
+
+// ds = L dx, and dx becomes dx - D ds.
+void State::separate_scale() {
+  assert(!landmarks_.empty() || clones_.size() > 1);
+  if (P_(scale_offset_, scale_offset_) == 0) trend_ = {};
+  merge_scale();
+  scale_origin_ = clones_.front().pose.p_world_imu;
+  const Eigen::RowVectorXd L = landmarks_.empty() ? common_distance() : common_depth();
+  Eigen::MatrixXd M = Eigen::MatrixXd::Identity(dimension_, dimension_) - change_by_scale() * L;
+  M.row(scale_offset_) = L;
+  const Eigen::MatrixXd moved = M * covariance() * M.transpose();
+  P_.topLeftCorner(dimension_, dimension_) = (moved + moved.transpose()) / 2;
+}
+
+void State::merge_scale() {
+  P_.topLeftCorner(dimension_, dimension_) = metric_covariance(dimension_);
+}
+
+// Values and first estimates, and the units of the covariance.
+void State::rescale(double ratio) {
+  Eigen::VectorXd units = Eigen::VectorXd::Ones(dimension_);
+  const auto move = [&](Pose& pose) {
+    pose.p_world_imu = scale_origin_ + ratio * (pose.p_world_imu - scale_origin_);
+  };
+  for (ImuState* imu : {&imu_, &imu_first_}) {
+    move(imu->pose);
+    imu->v_world_imu *= ratio;
+  }
+  trend_.v_world_imu *= ratio;
+  trend_.a_world_imu *= ratio;
+  units.segment<3>(kPosition).setConstant(ratio);
+  units.segment<3>(kVelocity).setConstant(ratio);
+  for (std::size_t i = 0; i < clones_.size(); ++i) {
+    move(clones_[i].pose);
+    move(clones_[i].first);
+    units.segment<3>(clone_offset(static_cast<int>(i))).setConstant(ratio);
+  }
+  for (std::size_t i = 0; i < landmarks_.size(); ++i) {
+    landmarks_[i].inverse_depth.z() /= ratio;
+    landmarks_[i].first.z() /= ratio;
+    units(landmark_offset(static_cast<int>(i)) + 2) = 1 / ratio;
+  }
+  for (int column = 0; column < dimension_; ++column) {
+    P_.col(column).head(dimension_).array() *= units.array() * units(column);
+  }
+}
+
 void State::forget_first_estimates() {
   imu_first_ = imu_;
   for (Clone& clone : clones_) clone.first = clone.pose;
@@ -171,24 +298,26 @@ void State::forget_first_estimates() {
 }
 
 Eigen::VectorXd State::window_minus(const State& other) const {
-  Eigen::VectorXd difference(calibration_size_ + 6 * static_cast<int>(clones_.size()));
+  Eigen::VectorXd difference = Eigen::VectorXd::Zero(window_size());
   const auto rotation = [](const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
     return log_quaternion(from.conjugate() * to);
   };
-  int row = 0;
+  const int window = window_offset();
   if (extrinsics_offset_ >= 0) {
-    difference.head<3>() = extrinsics_.p_imu_cam - other.extrinsics_.p_imu_cam;
-    difference.segment<3>(3) = rotation(other.extrinsics_.q_imu_cam, extrinsics_.q_imu_cam);
-    row = 6;
+    const int row = extrinsics_offset_ - window;
+    difference.segment<3>(row) = extrinsics_.p_imu_cam - other.extrinsics_.p_imu_cam;
+    difference.segment<3>(row + 3) = rotation(other.extrinsics_.q_imu_cam, extrinsics_.q_imu_cam);
   }
   if (time_offset_offset_ >= 0) {
-    difference(row++) = extrinsics_.time_offset_s - other.extrinsics_.time_offset_s;
+    difference(time_offset_offset_ - window) =
+        extrinsics_.time_offset_s - other.extrinsics_.time_offset_s;
   }
   if (intrinsics_offset_ >= 0) {
-    difference.segment<kIntrinsicsSize>(row) = intrinsics_error_ - other.intrinsics_error_;
-    row += kIntrinsicsSize;
+    difference.segment<kIntrinsicsSize>(intrinsics_offset_ - window) =
+        intrinsics_error_ - other.intrinsics_error_;
   }
-  for (std::size_t i = 0; i < clones_.size(); ++i, row += 6) {
+  for (std::size_t i = 0; i < clones_.size(); ++i) {
+    const int row = clone_offset(static_cast<int>(i)) - window;
     const Pose& from = other.clones_[i].pose;
     difference.segment<3>(row) = clones_[i].pose.p_world_imu - from.p_world_imu;
     difference.segment<3>(row + 3) = rotation(from.q_world_imu, clones_[i].pose.q_world_imu);
@@ -238,6 +367,7 @@ void State::apply(const Eigen::VectorXd& dx) {
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     landmarks_[i].inverse_depth += dx.segment<3>(landmark_offset(static_cast<int>(i)));
   }
+  if (dx(scale_offset_) != 0) rescale(std::exp(dx(scale_offset_)));
 }
 
 void State::insert_rows(int offset, int size) {

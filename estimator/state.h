@@ -6,14 +6,23 @@
 //   IMU          [dp dv dtheta dbg dba]                     15   (paper eq. 3)
 //   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    6, 1 and 6 as far as it is estimated
 //                IntrinsicsError
+//   scale        [ds]                                       1
 //   clones       [dp dtheta] each, IMU pose at an image     6 M  (paper eq. 4)
 //   landmarks    [dalpha dbeta drho] each, anchored         3 N  (paper eq. 5)
-// Rotation errors are local: q = q_hat * Exp(dtheta). Clones are IMU poses, not camera poses as in
-// the paper, so that extrinsics which are calibrated online move all of them at once.
+// Rotation errors are local: q = q_hat * Exp(dtheta). What is measured in metres is relative to the
+// scale: p = c + exp(ds) (p_hat + dp - c), v = exp(ds) (v_hat + dv), rho = exp(-ds) (rho_hat +
+// drho), about a fixed point c. Bearings alone never show ds, wherever they are linearised (but for
+// the lever arm p_imu_cam, which is in metres); what does is how fast the IMU says that velocity
+// changes. With the scale spread over positions, velocities and depths instead, each update
+// linearises a little elsewhere along it, and all together claim to have seen it.
+//
+// Before the first visual update there is nothing that has a scale in common: until
+// separate_scale() ds is zero, and certain. Clones are IMU poses, not camera poses as in the paper,
+// so that extrinsics which are calibrated online move all of them at once.
 //
 // First-estimate Jacobians (Huang, Mourikis, Roumeliotis, IJRR 2010): every pose and landmark is
 // linearised where it was first estimated (`first`), so that the filter never believes it has
-// learnt the global position and yaw that nothing observes. Once the scale is known: before that,
+// learnt the global position and yaw that nothing observes. Once depths are known: before that,
 // forget_first_estimates().
 #pragma once
 
@@ -40,7 +49,7 @@ struct CoreState {
   ImuState imu;
   CameraExtrinsics extrinsics;
   IntrinsicsError intrinsics_error = IntrinsicsError::Zero();
-  Eigen::MatrixXd covariance;  // of IMU and calibration, as in State
+  Eigen::MatrixXd covariance;  // of IMU, calibration and scale as in State, all in metres: ds = 0
 };
 
 struct Clone {
@@ -76,14 +85,19 @@ class State {
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
   [[nodiscard]] auto covariance() const { return P_.topLeftCorner(dimension_, dimension_); }
+  // Of the first `size` components, calibration and scale among them, were all in metres.
+  [[nodiscard]] Eigen::MatrixXd metric_covariance(int size) const;
   [[nodiscard]] CoreState core() const;
 
   // Where things stand in the error state; -1 when not estimated.
   [[nodiscard]] int extrinsics_offset() const { return extrinsics_offset_; }
   [[nodiscard]] int time_offset_offset() const { return time_offset_offset_; }
   [[nodiscard]] int intrinsics_offset() const { return intrinsics_offset_; }
-  [[nodiscard]] int calibration_size() const { return calibration_size_; }
-  [[nodiscard]] int clones_offset() const { return kImuSize + calibration_size_; }
+  [[nodiscard]] int scale_offset() const { return scale_offset_; }
+  // What bearings depend on, SLAM features apart: calibration, scale and clones.
+  [[nodiscard]] int window_offset() const { return kImuSize; }
+  [[nodiscard]] int window_size() const { return landmark_offset(0) - window_offset(); }
+  [[nodiscard]] int clones_offset() const { return scale_offset_ + 1; }
   [[nodiscard]] int clone_offset(int index) const { return clones_offset() + 6 * index; }
   [[nodiscard]] int landmark_offset(int index) const {
     return clones_offset() + 6 * static_cast<int>(clones_.size()) + 3 * index;
@@ -109,10 +123,18 @@ class State {
   void reanchor_landmark(int index, const SlamLandmark& moved, const Eigen::MatrixXd& J);
   void count_gated(int landmark_index, bool gated);
 
+  // From here on what the landmarks' depths have in common is ds, or the distances between clones
+  // as long as there is no landmark, and the rest is relative to it.
+  void separate_scale();
+  // What depths have in common since, over their values: visual scale drifts.
+  [[nodiscard]] double common_depth_sigma() const;
+  // All in metres again.
+  void merge_scale();
+
   // Linearise everything at the present values from here on. Only while first estimates are worth
-  // less than what they guard: until the scale is known.
+  // less than what they guard: until depths are known.
   void forget_first_estimates();
-  // Error that takes the other state's clones and calibration to this one's: calibration, clones.
+  // Error that takes the other state's window to this one's, both without a separate scale.
   [[nodiscard]] Eigen::VectorXd window_minus(const State& other) const;
 
   // x <- x (+) dx,  P <- P - W W^T.
@@ -123,17 +145,34 @@ class State {
 
  private:
   void apply(const Eigen::VectorXd& dx);
+  // What of the velocity's change `dv` within `dt` tells of the scale; `noise_variance`: that the
+  // IMU's noise adds to dv, in all. The same noise stands in the innovation that the scale is
+  // corrected by: counted in full it made the scale of slow flights grow (errors in variables).
+  Eigen::Vector3d without_noise(const Eigen::Vector3d& dv, double dt, double noise_variance);
+  [[nodiscard]] Eigen::VectorXd change_by_scale() const;
+  [[nodiscard]] Eigen::RowVectorXd common_distance() const;
+  [[nodiscard]] Eigen::RowVectorXd common_depth() const;
+  void rescale(double ratio);
   void mirror_lower();
   void insert_rows(int offset, int size);
   void remove_rows(int offset, int size);
 
+  // How velocity has changed of late as far as vision and IMU agree on it.
+  struct Trend {
+    Eigen::Vector3d a_world_imu = Eigen::Vector3d::Zero();
+    Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // at the last increment's start
+    double duration_s = 0;                                  // of the last increment
+  };
+
   ImuState imu_, imu_first_;
+  Trend trend_;
   CameraExtrinsics extrinsics_;
   IntrinsicsError intrinsics_error_ = IntrinsicsError::Zero();
   std::vector<Clone> clones_;
   std::vector<SlamLandmark> landmarks_;
+  Eigen::Vector3d scale_origin_ = Eigen::Vector3d::Zero();  // c, m
   int extrinsics_offset_ = -1, time_offset_offset_ = -1, intrinsics_offset_ = -1;
-  int calibration_size_ = 0;
+  int scale_offset_ = kImuSize;
   int dimension_ = 0;
   Eigen::MatrixXd P_;  // capacity x capacity; the top left dimension_ x dimension_ is in use
 };

@@ -31,14 +31,16 @@ class StateWriter {
   Eigen::Index next_ = 0;
 };
 
-// Where the rest stands in the error state.
-std::vector<int> without_intrinsics(const State& state) {
-  std::vector<int> rest;
+// Where what is told stands in the error state: all but the intrinsics and the scale.
+std::vector<int> told_errors(const State& state) {
+  std::vector<int> told;
   for (int i = 0; i < state.dimension(); ++i) {
     const int within = i - state.intrinsics_offset();
-    if (state.intrinsics_offset() < 0 || within < 0 || within >= kIntrinsicsSize) rest.push_back(i);
+    const bool intrinsics =
+        state.intrinsics_offset() >= 0 && within >= 0 && within < kIntrinsicsSize;
+    if (!intrinsics && i != state.scale_offset()) told.push_back(i);
   }
-  return rest;
+  return told;
 }
 
 }  // namespace
@@ -61,8 +63,8 @@ FilterSnapshot snapshot_of(const State& state) {
     out.landmark_tracks.push_back(landmark.track_id);
     out.landmark_anchors.push_back(static_cast<std::uint8_t>(state.find_clone(landmark.anchor_id)));
   }
-  const Eigen::MatrixXd covariance = state.covariance().selfadjointView<Eigen::Lower>();
-  const std::vector<int> told = without_intrinsics(state);
+  const Eigen::MatrixXd covariance = state.metric_covariance(state.dimension());
+  const std::vector<int> told = told_errors(state);
   out.covariance = covariance(told, told);
   return out;
 }

@@ -20,8 +20,8 @@ constexpr int kStartIterations = 8, kGlimpseIterations = 20;
 constexpr double kStartConverged = 1e-3;  // m and rad, largest change
 constexpr int kMinStartTracks = 20;
 constexpr double kMaxStartResidual = 2.0;  // median of tracks' mean squared residuals
-// Median. Started sooner, linearised where the scale is wrong by a tenth, the parallax of every
-// track would be taken for news of the scale.
+// Median, relative to the scale. Started sooner, the parallax of every track, linearised where
+// depths are wrong by a tenth, would tell what it does not.
 constexpr double kMaxStartDepthError = 0.08;
 constexpr double kStartOutlier = 3.0;  // root mean square of a track's residuals, in sigma
 
@@ -36,10 +36,6 @@ constexpr double kMaxGlimpseResidual = 1.25;
 // As many as an update may use, but never too few to tell anything.
 int max_glimpse_tracks(const EstimatorConfig& config) {
   return std::max(config.max_msckf_features, kMinStartTracks);
-}
-
-int window_columns(const State& state) {
-  return state.calibration_size() + 6 * static_cast<int>(state.clones().size());
 }
 
 // The youngest keyframe that saw the track: it stays in the window longest.
@@ -66,10 +62,10 @@ BearingByIntrinsics by_intrinsics_at(const Eigen::Vector2d& expected,
          pinhole_by_intrinsics(observation.bearing);
 }
 
-// Rows of one SLAM feature seen in one clone: Jacobian over [calibration | anchor | clone |
-// feature].
+// Rows of one SLAM feature seen in one clone: Jacobian over [extrinsics | intrinsics |
+// scale | anchor | clone | feature].
 struct SlamRows {
-  Eigen::Matrix<double, 2, 27> H = Eigen::Matrix<double, 2, 27>::Zero();
+  Eigen::Matrix<double, 2, 28> H = Eigen::Matrix<double, 2, 28>::Zero();
   Eigen::Vector2d r = Eigen::Vector2d::Zero();
   Columns columns;
   int width = 0;
@@ -80,6 +76,12 @@ void append(SlamRows& rows, const Eigen::Ref<const Eigen::MatrixXd>& J, int offs
   rows.H.block(0, rows.width, 2, J.cols()) = J;
   rows.columns.add(offset, static_cast<int>(J.cols()));
   rows.width += static_cast<int>(J.cols());
+}
+
+// In units of the scale the lever arm, which is in metres, shrinks as the scale grows.
+template <typename Jacobian>
+auto by_scale(const Jacobian& by_extrinsics, const CameraExtrinsics& extrinsics) {
+  return (-by_extrinsics.template leftCols<3>() * extrinsics.p_imu_cam).eval();
 }
 
 SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
@@ -101,12 +103,12 @@ SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
   const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, observation);
   rows.r = W * (observation.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
   const Matrix23d J_point = W * first.J_point;
-  if (state.extrinsics_offset() >= 0) {
-    append(rows, W * first.J_extrinsics + J_point * point.J_extrinsics, state.extrinsics_offset());
-  }
+  const Matrix26d by_extrinsics = W * first.J_extrinsics + J_point * point.J_extrinsics;
+  if (state.extrinsics_offset() >= 0) append(rows, by_extrinsics, state.extrinsics_offset());
   if (state.intrinsics_offset() >= 0) {
     append(rows, W * by_intrinsics, state.intrinsics_offset());
   }
+  append(rows, by_scale(by_extrinsics, extrinsics), state.scale_offset());
   if (anchor_index != clone_index) {
     append(rows, J_point * point.J_anchor, state.clone_offset(anchor_index));
     append(rows, W * first.J_pose, state.clone_offset(clone_index));
@@ -124,8 +126,8 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
       slam_update_(2 * config.max_slam_features, state_capacity),
       stacked_update_(state_capacity, state_capacity) {
   const Eigen::Index max_observations = config.max_clones + 2;
-  constexpr Eigen::Index kMostCalibration = 7 + kIntrinsicsSize;
-  const Eigen::Index max_columns = kMostCalibration + 6 * max_observations + 1;
+  constexpr Eigen::Index kMostCalibration = 7 + kIntrinsicsSize, kScale = 1;
+  const Eigen::Index max_columns = kMostCalibration + kScale + 6 * max_observations + 1;
   // The glimpse's row of the common depth needs no room: each of its tracks has two rows less.
   const Eigen::Index max_tracks =
       std::max(config.max_msckf_features + config.max_slam_features, max_glimpse_tracks(config));
@@ -188,7 +190,7 @@ bool VisionUpdate::linearize_at(const State& state, const Track& track,
                                 const Eigen::Vector3d& p_world, Linearized& result) {
   if (!fill_rows(state, track, p_world, result)) return false;
   project_out_feature(H_feature_.topRows(result.rows),
-                      H_track_.topLeftCorner(result.rows, window_columns(state) + 1));
+                      H_track_.topLeftCorner(result.rows, state.window_size() + 1));
   return true;
 }
 
@@ -203,10 +205,10 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
   result.landmark = {track.id, anchor.id, in_anchor.inverse_depth, in_anchor.inverse_depth, 0};
   const AnchoredPoint first = anchored_point(in_anchor.inverse_depth, anchor.first, extrinsics);
 
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   result.rows = 2 * static_cast<int>(track.observations.size());
   H_track_.topLeftCorner(result.rows, columns + 1).setZero();
-  const int window = state.clones_offset() - state.calibration_size();
+  const int window = state.window_offset();
   int row = 0;
   for (const CloneObservation& o : track.observations) {
     const int index = state.find_clone(o.clone_id);
@@ -219,10 +221,11 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
     auto H = H_track_.middleRows(row, 2);
     H.middleCols(state.clone_offset(index) - window, 6) += W * at_first.J_pose;
     H.middleCols(state.clone_offset(anchor_index) - window, 6) += J_point * first.J_anchor;
+    const Matrix26d by_extrinsics = W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     if (state.extrinsics_offset() >= 0) {
-      H.middleCols(state.extrinsics_offset() - window, 6) +=
-          W * at_first.J_extrinsics + J_point * first.J_extrinsics;
+      H.middleCols(state.extrinsics_offset() - window, 6) = by_extrinsics;
     }
+    H.col(state.scale_offset() - window) = by_scale(by_extrinsics, extrinsics);
     const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, o);
     if (state.intrinsics_offset() >= 0) {
       H.middleCols(state.intrinsics_offset() - window, kIntrinsicsSize) += W * by_intrinsics;
@@ -246,7 +249,7 @@ bool VisionUpdate::linearize_glimpsed(const State& state, const Track& track, do
   const Eigen::Vector3d p_world =
       anchored_point(point.in_anchor, anchor.pose, state.extrinsics()).p_world;
   if (!fill_rows(state, track, p_world, result)) return false;
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   const double ratio = point.in_anchor.z() * depth;
   H_track_.col(columns + 1).head(result.rows).setZero();
   H_track_.row(result.rows).head(columns).setZero();
@@ -282,16 +285,19 @@ VisionUpdate::Outcome VisionUpdate::examine(const State& state, const Track& tra
 }
 
 // Standard deviation of the inverse depth over its value, from the noise of the bearings and the
-// uncertainty of the poses between them: what decides whether the linearisation holds.
-double VisionUpdate::depth_error(const State& state, const Linearized& feature) const {
-  const int columns = window_columns(state);
-  const int window = state.clones_offset() - state.calibration_size();
+// uncertainty of the poses between them. Relative to the scale it decides whether the linearisation
+// holds: bearings do not depend on the scale.
+double VisionUpdate::depth_error(const State& state, const Linearized& feature, Depth depth) const {
+  const int columns = state.window_size();
+  const int window = state.window_offset();
   const Eigen::Matrix3d R_inverse =
       Eigen::Matrix3d(H_feature_.topRows<3>().triangularView<Eigen::Upper>()).inverse();
-  const Eigen::RowVectorXd J = R_inverse.row(2) * H_track_.block(0, 0, 3, columns);
+  const double rho = feature.landmark.inverse_depth.z();
+  Eigen::RowVectorXd J = R_inverse.row(2) * H_track_.block(0, 0, 3, columns);
+  if (depth == Depth::kInMetres) J(state.scale_offset() - window) += rho;
   const auto P = state.covariance().block(window, window, columns, columns);
   const double variance = (J * P).dot(J) + R_inverse.row(2).squaredNorm();
-  return std::sqrt(variance) / feature.landmark.inverse_depth.z();
+  return std::sqrt(variance) / rho;
 }
 
 std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const Track& track,
@@ -301,8 +307,8 @@ std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const T
     return std::nullopt;
   }
   const int m = std::min(3, feature.rows);
-  const int columns = window_columns(state);
-  const int window = state.clones_offset() - state.calibration_size();
+  const int columns = state.window_size();
+  const int window = state.window_offset();
   LandmarkRows rows;
   rows.landmark = feature.landmark;
   rows.R = H_feature_.topRows(m).triangularView<Eigen::Upper>();
@@ -316,18 +322,18 @@ std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const T
 std::optional<TrackDepth> VisionUpdate::depth_of(const State& state, const Track& track) {
   Linearized feature;
   if (!linearize(state, track, feature)) return std::nullopt;
-  const double relative_sigma = depth_error(state, feature);
+  const double relative_sigma = depth_error(state, feature, Depth::kInMetres);
   if (!(relative_sigma < config_.max_msckf_depth_error)) return std::nullopt;
   return depth_from(state, feature.landmark, relative_sigma);
 }
 
 // Chi-square test of the rows that no longer depend on the feature: 2k - 3 degrees of freedom.
 bool VisionUpdate::passes_gate(const State& state, int rows) const {
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   const int m = rows - 3;
   const auto H = H_track_.block(3, 0, m, columns);
   const auto r = H_track_.col(columns).segment(3, m);
-  const int window = state.clones_offset() - state.calibration_size();
+  const int window = state.window_offset();
   const auto P = state.covariance().block(window, window, columns, columns);
   Eigen::MatrixXd S = Eigen::MatrixXd::Identity(m, m);
   const Eigen::MatrixXd HP = H * P;
@@ -344,8 +350,8 @@ void VisionUpdate::stack_rows(int rows, int columns) {
 // The three rows that do depend on the feature make it part of the state (Li and Mourikis, 2012):
 // R df + H dx + n = r  gives  df = inv(R) (r - H dx - n).
 void VisionUpdate::augment(State& state, const Linearized& feature) {
-  const int columns = window_columns(state);
-  const int window = state.clones_offset() - state.calibration_size();
+  const int columns = state.window_size();
+  const int window = state.window_offset();
   const Eigen::Matrix3d R = H_feature_.topRows<3>().triangularView<Eigen::Upper>();
   const Eigen::Matrix3d R_inverse = R.inverse();
   const Eigen::MatrixXd J = -R_inverse * H_track_.block(0, 0, 3, columns);
@@ -363,7 +369,7 @@ std::vector<std::uint64_t> VisionUpdate::update_tracks(State& state,
                                                        const std::vector<const Track*>& candidates,
                                                        int free_slots, UpdateReport& report) {
   std::vector<std::uint64_t> used;
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   stack_rows_ = 0;
   Linearized feature;
   int fitting = 0;
@@ -394,7 +400,7 @@ std::vector<std::uint64_t> VisionUpdate::update_tracks(State& state,
 
 VisionUpdate::StartQuality VisionUpdate::stack_for_start(const State& state,
                                                          const std::vector<const Track*>& tracks) {
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   stack_rows_ = 0;
   StartQuality quality;
   std::vector<double> depth_errors, residuals;
@@ -423,7 +429,7 @@ VisionUpdate::Start VisionUpdate::start(State& state, State& guess,
                                         UpdateReport& report) {
   State current = guess;
   current.forget_first_estimates();
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   for (int i = 0; i < kStartIterations; ++i) {
     if (stack_for_start(current, tracks).tracks < kMinStartTracks) return Start::kNone;
     // Iterated update (Jazwinski 1970, section 8.3): prior and Jacobians at the present iterate.
@@ -443,7 +449,10 @@ VisionUpdate::Start VisionUpdate::start(State& state, State& guess,
     return Start::kNone;
   }
   guess = current;
-  if (!impatient && !(error < kMaxStartDepthError)) return Start::kTooSoon;
+  current.separate_scale();
+  if (!impatient && !(stack_for_start(current, tracks).median_depth_error < kMaxStartDepthError)) {
+    return Start::kTooSoon;
+  }
   state = std::move(current);
   report.msckf_used += quality.tracks;
   augment_at_start(state, tracks, report);
@@ -470,7 +479,7 @@ VisionUpdate::StartQuality VisionUpdate::stack_for_glimpse(const State& state,
                                                            const std::vector<const Track*>& tracks,
                                                            double depth,
                                                            std::vector<GlimpsedPoint>& points) {
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   stack_.row(0).head(columns + 2).setZero();
   stack_(0, columns) = std::log(kFarDepth_m / depth) / kDepthSpread;
   stack_(0, columns + 1) = 1 / kDepthSpread;
@@ -526,7 +535,7 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
 // One iteration: from the prior, about the present iterate, whatever the common depth is.
 std::optional<VisionUpdate::GlimpseStep> VisionUpdate::step_glimpse(const State& prior,
                                                                     State& current) {
-  const int columns = window_columns(prior);
+  const int columns = prior.window_size();
   auto H = stack_.topLeftCorner(stack_rows_, columns);
   stack_.col(columns).head(stack_rows_) += H * current.window_minus(prior);
   const DepthRow row = take_depth_out(columns);
@@ -574,10 +583,10 @@ std::optional<State> VisionUpdate::glimpse(const State& state,
 
 bool VisionUpdate::apply_stack(State& state) {
   if (stack_rows_ == 0) return true;
-  const int columns = window_columns(state);
+  const int columns = state.window_size();
   const int rows = compress_rows(stack_.topLeftCorner(stack_rows_, columns + 1));
   Columns range;
-  range.add(state.clones_offset() - state.calibration_size(), columns);
+  range.add(state.window_offset(), columns);
   stacked_update_.begin(state);
   stacked_update_.add(state, stack_.topLeftCorner(rows, columns), stack_.col(columns).head(rows),
                       range);
@@ -613,10 +622,12 @@ void VisionUpdate::reanchor(State& state, int leaving_clone, UpdateReport& repor
     J.middleCols(state.landmark_offset(i), 3) = moved_first.J_point * first.J_inverse_depth;
     J.middleCols(state.clone_offset(leaving_clone), 6) = moved_first.J_point * first.J_anchor;
     J.middleCols(state.clone_offset(target), 6) += moved_first.J_pose;
+    const Matrix36d by_extrinsics =
+        moved_first.J_extrinsics + moved_first.J_point * first.J_extrinsics;
     if (state.extrinsics_offset() >= 0) {
-      J.middleCols(state.extrinsics_offset(), 6) =
-          moved_first.J_extrinsics + moved_first.J_point * first.J_extrinsics;
+      J.middleCols(state.extrinsics_offset(), 6) = by_extrinsics;
     }
+    J.col(state.scale_offset()) = by_scale(by_extrinsics, extrinsics);
     SlamLandmark moved = landmark;
     moved.anchor_id = clones[static_cast<std::size_t>(target)].id;
     moved.inverse_depth = moved_now.inverse_depth;

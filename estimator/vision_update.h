@@ -78,7 +78,7 @@ class VisionUpdate {
   void reanchor(State& state, int leaving_clone, UpdateReport& report) const;
 
  private:
-  // A track's whitened rows: columns [feature 3 | calibration | clones | residual].
+  // A track's whitened rows: columns [feature 3 | window | residual], window as in State.
   struct Linearized {
     SlamLandmark landmark;
     int rows = 0;
@@ -134,7 +134,9 @@ class VisionUpdate {
     Eigen::RowVectorXd H;
   };
   [[nodiscard]] DepthRow take_depth_out(int columns);
-  double depth_error(const State& state, const Linearized& feature) const;
+  enum class Depth { kInScale, kInMetres };
+  double depth_error(const State& state, const Linearized& feature,
+                     Depth depth = Depth::kInScale) const;
   void augment_at_start(State& state, const std::vector<const Track*>& tracks,
                         UpdateReport& report);
   bool passes_gate(const State& state, int rows) const;
@@ -146,8 +148,8 @@ class VisionUpdate {
   ChiSquareGate gate_;
   EkfUpdate slam_update_, stacked_update_;
   Eigen::Matrix<double, Eigen::Dynamic, 3> H_feature_;  // work space: one track
-  Eigen::MatrixXd H_track_;                             // one track: [calibration clones residual]
-  Eigen::MatrixXd stack_;                               // all tracks: [calibration clones residual]
+  Eigen::MatrixXd H_track_;                             // one track: [window residual]
+  Eigen::MatrixXd stack_;                               // all tracks: [window residual]
   int stack_rows_ = 0;
   std::vector<View> views_;
 };

@@ -43,13 +43,13 @@ DroneFeatures hovering_drone(Scenario scene, std::uint64_t seed, double pixel_si
   return simulate_features(scenario, seed).drones[0];
 }
 
-// At 0.3 m/s for six seconds.
+// At 0.1 m/s for six seconds.
 DroneFeatures slow_drone(std::uint64_t seed) {
   const auto phase = 0.7 * static_cast<double>(seed);
   const auto motion = [phase](double t) -> Heading {
-    return {{std::sin(0.25 * t + phase), 0.6 * std::sin(0.37 * t + phase),
-             1.5 + 0.2 * std::sin(0.45 * t)},
-            0.3 * std::sin(0.2 * t) + phase};
+    return {{std::sin(0.08 * t + phase), 0.6 * std::sin(0.12 * t + phase),
+             1.5 + 0.2 * std::sin(0.15 * t)},
+            0.3 * std::sin(0.07 * t) + phase};
   };
   FeatureScenario scenario;
   scenario.flight.scenario = Scenario::kRoom;

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
 #include <random>
@@ -53,6 +54,22 @@ std::vector<ImuSample> wobble(double from_s) {
   return samples;
 }
 
+// Without rotation; `accel_imu`: as measured, bias and gravity included.
+std::vector<ImuSample> steady(double from_s, double duration_s, const Eigen::Vector3d& accel_imu) {
+  constexpr double kStep_s = 0.005;
+  std::vector<ImuSample> samples;
+  for (int i = 0; i <= static_cast<int>(std::lround(duration_s / kStep_s)); ++i) {
+    samples.push_back({nanoseconds(from_s + i * kStep_s), flying().gyro_bias, accel_imu});
+  }
+  return samples;
+}
+
+// What is measured in flight at an acceleration in the world.
+Eigen::Vector3d measured(const Eigen::Vector3d& a_world) {
+  const ImuState imu = flying();
+  return imu.pose.q_world_imu.conjugate() * (a_world - kGravity) + imu.accel_bias;
+}
+
 ImuState carried(const ImuState& start, const std::vector<ImuSample>& samples) {
   return carried_over(start, integrate_imu(samples, start.gyro_bias, start.accel_bias, ImuNoise()),
                       samples.back().stamp_ns, kGravity);
@@ -77,6 +94,25 @@ TEST(ImuTransition, TheJacobianAgreesWithDifferences) {
   expect_jacobian("transition", transition(increment, start, end, kGravity), at_end, 1e-5);
 }
 
+// With the error of what is in metres relative to the scale, about c.
+TEST(ImuTransition, TheScaleMovesThePresentAsDifferencesDo) {
+  constexpr double kDuration_s = 0.2;
+  const std::vector<ImuSample> samples = steady(0, kDuration_s, measured({1, -2, 0.5}));
+  const ImuState start = flying(), end = carried(start, samples);
+  const Eigen::Vector3d c(0.3, -0.2, 1.4);
+  const auto scaled = [&](ImuState imu, double ratio) {
+    imu.pose.p_world_imu = c + ratio * (imu.pose.p_world_imu - c);
+    imu.v_world_imu *= ratio;
+    return imu;
+  };
+  const auto at_end = [&](const Eigen::VectorXd& ds) {
+    const ImuState moved_end = carried(scaled(start, std::exp(ds(0))), samples);
+    return difference(end, scaled(moved_end, std::exp(-ds(0))));
+  };
+  const Eigen::Vector3d dv = end.v_world_imu - start.v_world_imu;
+  expect_jacobian("by scale", transition_by_scale(dv, kDuration_s), at_end, 1e-5);
+}
+
 Eigen::MatrixXd some_covariance(Eigen::Index size) {
   std::mt19937 generator(1);
   std::normal_distribution<double> normal;
@@ -91,10 +127,13 @@ IntrinsicsError wrong_intrinsics() {
   return error;
 }
 
+// All in metres: nothing is said of the scale, which comes last.
 State calibrating_state() {
   const EstimatorConfig config = calibrating();
-  return State(config, CoreState{flying(), config.extrinsics, wrong_intrinsics(),
-                                 some_covariance(State::kImuSize + 7 + kIntrinsicsSize)});
+  constexpr Eigen::Index kRest = State::kImuSize + 7 + kIntrinsicsSize;
+  Eigen::MatrixXd P = Eigen::MatrixXd::Zero(kRest + 1, kRest + 1);
+  P.topLeftCorner(kRest, kRest) = some_covariance(kRest);
+  return State(config, CoreState{flying(), config.extrinsics, wrong_intrinsics(), P});
 }
 
 // What the IMU alone makes of a state without clones is what the filter's own step makes of it.
@@ -127,7 +166,7 @@ TEST(State, ACloneMovesWithTheTimeOffset) {
 }
 
 // Two keyframes and a landmark, linearised where everything is.
-State with_landmark() {
+State with_landmark_in_metres() {
   State state = calibrating_state();
   state.add_clone(1, 0, true, {0.3, -0.6, 0.9});
   const std::vector<ImuSample> samples = wobble(0);
@@ -136,19 +175,136 @@ State with_landmark() {
                   samples.back().stamp_ns, config.gravity, config.imu_noise);
   state.add_clone(2, samples.back().stamp_ns, true, {0.2, 0.1, -0.4});
   const Eigen::Vector3d inverse_depth(0.3, -0.2, 0.2);
-  state.add_landmark({7, 1, inverse_depth, inverse_depth, 0},
-                     Eigen::MatrixXd::Constant(3, state.dimension(), 1e-6),
+  Eigen::MatrixXd cross = Eigen::MatrixXd::Constant(3, state.dimension(), 1e-6);
+  cross.col(state.scale_offset()).setZero();
+  state.add_landmark({7, 1, inverse_depth, inverse_depth, 0}, cross,
                      1e-4 * Eigen::Matrix3d::Identity());
   return state;
 }
 
-// (x/z, y/z, 1/z) of the landmark in the second keyframe's camera, after an error of the state.
+State with_landmark() {
+  State state = with_landmark_in_metres();
+  state.separate_scale();
+  return state;
+}
+
+TEST(State, ASeparateScaleChangesNothingInMetres) {
+  State state = with_landmark_in_metres();
+  const Eigen::MatrixXd P = state.covariance();
+  EXPECT_NEAR(state.common_depth_sigma(), 0.05, 1e-9);
+  state.separate_scale();
+  const int scale = state.scale_offset(), rho = state.landmark_offset(0) + 2;
+  const double value = state.landmarks()[0].inverse_depth.z();
+  EXPECT_NEAR(state.covariance()(scale, scale), P(rho, rho) / (value * value), 1e-12);
+  EXPECT_NEAR(state.common_depth_sigma(), 0, 1e-6) << "the only depth is all of the scale";
+  EXPECT_LT((state.metric_covariance(state.dimension()) - P).norm(), 1e-12);
+  EXPECT_LT((state.core().covariance - P.topLeftCorner(scale + 1, scale + 1)).norm(), 1e-12);
+  state.merge_scale();
+  EXPECT_LT((state.covariance() - P).norm(), 1e-12);
+}
+
+// As long as there is no landmark.
+TEST(State, TheScaleOfClonesAloneIsHowFarTheyAreApart) {
+  State state = with_landmark_in_metres();
+  state.remove_landmark(0);
+  const Eigen::MatrixXd P = state.covariance();
+  state.separate_scale();
+  const int first = state.clone_offset(0), second = state.clone_offset(1);
+  const Eigen::Vector3d way =
+      state.clones()[1].pose.p_world_imu - state.clones()[0].pose.p_world_imu;
+  const Eigen::Matrix3d P_way = P.block<3, 3>(first, first) + P.block<3, 3>(second, second) -
+                                P.block<3, 3>(first, second) - P.block<3, 3>(second, first);
+  const double squared = way.squaredNorm();
+  const int scale = state.scale_offset();
+  EXPECT_NEAR(state.covariance()(scale, scale), way.dot(P_way * way) / (squared * squared), 1e-9);
+  EXPECT_LT((state.metric_covariance(state.dimension()) - P).norm(), 1e-9);
+}
+
+// The same motion, and the same news of it, in either description: it stands out of the noise.
+TEST(State, WithASeparateScaleItPropagatesAsInMetres) {
+  const EstimatorConfig config = calibrating();
+  State apart = with_landmark(), in_metres = with_landmark_in_metres();
+  const ImuState imu = apart.imu();
+  const std::vector<ImuSample> samples = steady(0.2, 0.2, {1, 2, 15});
+  for (State* state : {&apart, &in_metres}) {
+    state->forget_first_estimates();
+    state->propagate(integrate_imu(samples, imu.gyro_bias, imu.accel_bias, config.imu_noise),
+                     samples.back().stamp_ns, config.gravity, config.imu_noise);
+  }
+  const Eigen::MatrixXd P = in_metres.covariance();
+  EXPECT_LT((apart.metric_covariance(apart.dimension()) - P).norm(), 1e-4 * P.norm());
+}
+
+// How far the velocity's error goes with the scale's, along `direction`.
+double velocity_by_scale(const State& state, const Eigen::Vector3d& direction) {
+  const int scale = state.scale_offset();
+  const Eigen::MatrixXd P = state.covariance();
+  return direction.dot(P.block<3, 1>(State::kVelocity, scale)) / P(scale, scale);
+}
+
+// What velocity changes by tells of the scale. An image's worth of 5 mm/s2 does not stand out of
+// the accelerometer's noise; that it lasts does.
+TEST(State, WhatDoesNotStandOutOfTheNoiseTellsOfTheScaleOnlyWhenItLasts) {
+  constexpr double kImage_s = 0.05;
+  const EstimatorConfig config = calibrating();
+  const Eigen::Vector3d forward = Eigen::Vector3d::UnitX();
+  const auto told_after = [&](double acceleration, int images) {
+    Matrix15d P = Matrix15d::Zero();
+    P.diagonal().segment<3>(State::kVelocity).setConstant(1e-4);
+    State state(config, flying(), P);
+    state.add_clone(1, 0, true, Eigen::Vector3d::Zero());
+    const std::vector<ImuSample> samples = steady(0, kImage_s, measured(acceleration * forward));
+    const ImuIncrement increment =
+        integrate_imu(samples, flying().gyro_bias, flying().accel_bias, config.imu_noise);
+    state.propagate(increment, nanoseconds(kImage_s), config.gravity, config.imu_noise);
+    state.add_clone(2, nanoseconds(kImage_s), true, Eigen::Vector3d::Zero());
+    state.separate_scale();
+    const double before = velocity_by_scale(state, forward);
+    for (int i = 2; i < images + 2; ++i) {
+      state.propagate(increment, nanoseconds(i * kImage_s), config.gravity, config.imu_noise);
+    }
+    return (before - velocity_by_scale(state, forward)) / (images * acceleration * kImage_s);
+  };
+  EXPECT_NEAR(told_after(2, 1), 1, 1e-2);
+  EXPECT_NEAR(told_after(0.005, 1), 0, 0.01);
+  EXPECT_NEAR(told_after(0.005, 20), 0.2, 0.1);
+  EXPECT_GT(told_after(0.005, 200), 0.7);
+}
+
+TEST(State, ACorrectionOfTheScaleLeavesTheWindowsOldestCloneWhereItIs) {
+  State state = with_landmark();
+  const State before = state;
+  Eigen::VectorXd dx = Eigen::VectorXd::Zero(state.dimension());
+  dx(state.scale_offset()) = std::log(2.0);
+  state.correct(dx, Eigen::MatrixXd::Zero(state.dimension(), 1));
+  const Eigen::Vector3d c = before.clones()[0].pose.p_world_imu;
+  const auto expect_at = [](const Eigen::Vector3d& expected, const Eigen::Vector3d& value) {
+    EXPECT_LT((value - expected).norm(), 1e-12);
+  };
+  expect_at(c, state.clones()[0].pose.p_world_imu);
+  expect_at(c + 2 * (before.clones()[1].first.p_world_imu - c),
+            state.clones()[1].first.p_world_imu);
+  expect_at(c + 2 * (before.imu().pose.p_world_imu - c), state.imu().pose.p_world_imu);
+  expect_at(2 * before.imu().v_world_imu, state.imu().v_world_imu);
+  EXPECT_NEAR(state.landmarks()[0].inverse_depth.z(), before.landmarks()[0].inverse_depth.z() / 2,
+              1e-12);
+  const int v = State::kVelocity;
+  EXPECT_LT(
+      (state.covariance().block<3, 3>(v, v) - 4 * before.covariance().block<3, 3>(v, v)).norm(),
+      1e-12);
+}
+
+// (x/z, y/z, 1/z) of the landmark in the second keyframe's camera, after an error of the state;
+// relative to the scale.
 Eigen::VectorXd seen_from_second(State state, const Eigen::VectorXd& dx) {
   state.correct(dx, Eigen::MatrixXd::Zero(state.dimension(), 1));
   const Eigen::Vector3d p_world =
       anchored_point(state.landmarks()[0].inverse_depth, state.clones()[0].pose, state.extrinsics())
           .p_world;
-  return inverse_depth_of_point(p_world, state.clones()[1].pose, state.extrinsics()).inverse_depth;
+  Eigen::Vector3d seen =
+      inverse_depth_of_point(p_world, state.clones()[1].pose, state.extrinsics()).inverse_depth;
+  seen.z() *= std::exp(dx(state.scale_offset()));
+  return seen;
 }
 
 template <typename Function>
@@ -195,8 +351,8 @@ TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   const Eigen::Matrix2d noise = 1e-4 * Eigen::Matrix2d::Identity();
   const Eigen::Matrix2d S = H * P * H.transpose() + noise;
   const Eigen::MatrixXd K = P * H.transpose() * S.inverse();
-  const Eigen::Vector3d p_before = state.imu().pose.p_world_imu;
-  const IntrinsicsError intrinsics_before = state.intrinsics_error();
+  State updated = state;
+  updated.correct(K * off, K * Eigen::MatrixXd(S.llt().matrixL()));
   const Eigen::Vector2d expected =
       computed_in_second(state, Eigen::VectorXd::Zero(state.dimension()));
   // About where it is seen.
@@ -208,13 +364,10 @@ TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   VisionUpdate(calibrating(), state.capacity())
       .update_slam(state, {{7, expected + off, noise, by_intrinsics_seen}}, report);
   ASSERT_EQ(report.slam_used, 1);
-  const Eigen::VectorXd dx = K * off;
-  EXPECT_LT((state.imu().pose.p_world_imu - p_before - dx.head<3>()).norm(), 1e-6 * dx.norm());
-  EXPECT_LT((state.intrinsics_error() - intrinsics_before -
-             dx.segment<kIntrinsicsSize>(state.intrinsics_offset()))
-                .norm(),
-            1e-6 * dx.norm());
-  EXPECT_LT((state.covariance() - (P - K * S * K.transpose())).norm(), 1e-6 * P.norm());
+  const double moved = (K * off).norm();
+  EXPECT_LT((state.imu().pose.p_world_imu - updated.imu().pose.p_world_imu).norm(), 1e-6 * moved);
+  EXPECT_LT((state.intrinsics_error() - updated.intrinsics_error()).norm(), 1e-6 * moved);
+  EXPECT_LT((state.covariance() - updated.covariance()).norm(), 1e-6 * P.norm());
 }
 
 }  // namespace
