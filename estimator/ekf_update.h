@@ -17,7 +17,7 @@ struct ColumnRange {
   int offset = 0, size = 0;
 };
 struct Columns {
-  std::array<ColumnRange, 6> ranges{};
+  std::array<ColumnRange, 5> ranges{};
   int count = 0;
   void add(int offset, int size) {
     if (size > 0) ranges[static_cast<std::size_t>(count++)] = {offset, size};

@@ -79,7 +79,7 @@ double depth_error(const State& state, int landmark) {
 }
 
 double metric_depth_error(const State& state, int landmark) {
-  const int rho = state.landmark_offset(landmark) + 2, scale = state.scale_offset();
+  const int rho = state.landmark_offset(landmark) + 2, scale = State::kScale;
   const double value = state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
   const auto P = state.covariance();
   return std::sqrt(P(rho, rho) / (value * value) - 2 * P(rho, scale) / value + P(scale, scale));

@@ -38,10 +38,10 @@ Matrix15d transition(const ImuIncrement& increment, const ImuState& first, const
   return F;
 }
 
-Eigen::Matrix<double, State::kImuSize, 1> transition_by_scale(const Eigen::Vector3d& dv,
-                                                              double dt) {
+Eigen::Matrix<double, State::kImuSize, 1> transition_by_scale(const Eigen::Vector3d& dv, double dt,
+                                                              const Eigen::Vector3d& swing) {
   Eigen::Matrix<double, State::kImuSize, 1> F = Eigen::Matrix<double, State::kImuSize, 1>::Zero();
-  F.segment<3>(State::kPosition) = -dt / 2 * dv;
+  F.segment<3>(State::kPosition) = -dt / 2 * dv - swing;
   F.segment<3>(State::kVelocity) = -dv;
   return F;
 }

@@ -20,9 +20,10 @@ using Matrix15d = Eigen::Matrix<double, State::kImuSize, State::kImuSize>;
 [[nodiscard]] Matrix15d transition(const ImuIncrement& increment, const ImuState& first,
                                    const ImuState& end, const Eigen::Vector3d& gravity_world);
 
-// d(error at the end)/d(ds): by how much velocity changes within dt, `dv`, the IMU says in metres.
+// d(error at the end)/d(ds): by how much velocity changes within dt, `dv`, and the camera swings
+// about the IMU, `swing`, the IMU says in metres.
 [[nodiscard]] Eigen::Matrix<double, State::kImuSize, 1> transition_by_scale(
-    const Eigen::Vector3d& dv, double dt);
+    const Eigen::Vector3d& dv, double dt, const Eigen::Vector3d& swing);
 
 // Covariance that the increment adds; `R`: imu to world at the start.
 [[nodiscard]] Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,

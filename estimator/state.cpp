@@ -30,8 +30,8 @@ State::State(const EstimatorConfig& config, const ImuState& imu,
              const Eigen::Matrix<double, kImuSize, kImuSize>& imu_covariance)
     : imu_(imu), imu_first_(imu), extrinsics_(config.extrinsics) {
   const auto place = [this](bool estimated, int size) {
-    const int offset = estimated ? scale_offset_ : -1;
-    if (estimated) scale_offset_ += size;
+    const int offset = estimated ? clones_offset_ : -1;
+    if (estimated) clones_offset_ += size;
     return offset;
   };
   extrinsics_offset_ = place(config.calibrate_extrinsics, 6);
@@ -104,14 +104,16 @@ void State::propagate(const ImuIncrement& increment, TimeNs stamp_ns, double gra
   const double dt = increment.duration_s;
   const Eigen::Vector3d dv = without_noise(end.v_world_imu - imu_.v_world_imu, dt,
                                            Q.block<3, 3>(kVelocity, kVelocity).trace());
-  const auto F_scale = transition_by_scale(dv, dt);
+  const Eigen::Vector3d& lever = extrinsics_.p_imu_cam;
+  const Eigen::Vector3d swing = end.pose.q_world_imu * lever - imu_.pose.q_world_imu * lever;
+  const auto F_scale = transition_by_scale(dv, dt, swing);
   const int rest = dimension_ - kImuSize;
-  const Eigen::RowVectorXd of_scale = P_.row(scale_offset_).head(dimension_);
+  const Eigen::RowVectorXd of_scale = P_.row(kScale).head(dimension_);
   const auto moved = (F * of_scale.head<kImuSize>().transpose()).eval();
   const Eigen::Matrix<double, kImuSize, kImuSize> P_imu = P_.topLeftCorner<kImuSize, kImuSize>();
-  P_.topLeftCorner<kImuSize, kImuSize>() =
-      F * P_imu * F.transpose() + F_scale * moved.transpose() + moved * F_scale.transpose() +
-      of_scale(scale_offset_) * F_scale * F_scale.transpose() + Q;
+  P_.topLeftCorner<kImuSize, kImuSize>() = F * P_imu * F.transpose() + F_scale * moved.transpose() +
+                                           moved * F_scale.transpose() +
+                                           of_scale(kScale) * F_scale * F_scale.transpose() + Q;
   if (rest > 0) {
     P_.block(0, kImuSize, kImuSize, rest) =
         (F * P_.block(0, kImuSize, kImuSize, rest) + F_scale * of_scale.tail(rest)).eval();
@@ -187,13 +189,17 @@ void State::count_gated(int landmark_index, bool gated) {
   count = gated ? count + 1 : 0;
 }
 
+Eigen::Vector3d State::camera(const Pose& pose) const {
+  return pose.p_world_imu + pose.q_world_imu * extrinsics_.p_imu_cam;
+}
+
 // d(what is in metres)/d(ds).
 Eigen::VectorXd State::change_by_scale() const {
   Eigen::VectorXd D = Eigen::VectorXd::Zero(dimension_);
-  D.segment<3>(kPosition) = imu_.pose.p_world_imu - scale_origin_;
+  D.segment<3>(kPosition) = camera(imu_.pose) - scale_origin_;
   D.segment<3>(kVelocity) = imu_.v_world_imu;
   for (std::size_t i = 0; i < clones_.size(); ++i) {
-    D.segment<3>(clone_offset(static_cast<int>(i))) = clones_[i].pose.p_world_imu - scale_origin_;
+    D.segment<3>(clone_offset(static_cast<int>(i))) = camera(clones_[i].pose) - scale_origin_;
   }
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     D(landmark_offset(static_cast<int>(i)) + 2) = -landmarks_[i].inverse_depth.z();
@@ -204,24 +210,23 @@ Eigen::VectorXd State::change_by_scale() const {
 Eigen::MatrixXd State::metric_covariance(int size) const {
   assert(size >= clones_offset());
   const Eigen::VectorXd D = change_by_scale().head(size);
-  const Eigen::VectorXd of_scale = P_.col(scale_offset_).head(size);
+  const Eigen::VectorXd of_scale = P_.col(kScale).head(size);
   Eigen::MatrixXd P = P_.topLeftCorner(size, size);
-  P += of_scale * D.transpose() + D * of_scale.transpose() +
-       of_scale(scale_offset_) * D * D.transpose();
-  P.col(scale_offset_).setZero();
-  P.row(scale_offset_).setZero();
+  P += of_scale * D.transpose() + D * of_scale.transpose() + of_scale(kScale) * D * D.transpose();
+  P.col(kScale).setZero();
+  P.row(kScale).setZero();
   return P;
 }
 
 // d(what the window's clones are apart by, over its value)/d(error state).
 Eigen::RowVectorXd State::common_distance() const {
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  for (const Clone& clone : clones_) middle += clone.pose.p_world_imu;
+  for (const Clone& clone : clones_) middle += camera(clone.pose);
   middle /= static_cast<double>(clones_.size());
   Eigen::RowVectorXd L = Eigen::RowVectorXd::Zero(dimension_);
   double squared = 0;
   for (std::size_t i = 0; i < clones_.size(); ++i) {
-    const Eigen::Vector3d arm = clones_[i].pose.p_world_imu - middle;
+    const Eigen::Vector3d arm = camera(clones_[i].pose) - middle;
     L.segment<3>(clone_offset(static_cast<int>(i))) = arm.transpose();
     squared += arm.squaredNorm();
   }
@@ -248,12 +253,12 @@ double State::common_depth_sigma() const {
 // ds = L dx, and dx becomes dx - D ds.
 void State::separate_scale() {
   assert(!landmarks_.empty() || clones_.size() > 1);
-  if (P_(scale_offset_, scale_offset_) == 0) trend_ = {};
+  if (P_(kScale, kScale) == 0) trend_ = {};
   merge_scale();
-  scale_origin_ = clones_.front().pose.p_world_imu;
+  scale_origin_ = camera(clones_.front().pose);
   const Eigen::RowVectorXd L = landmarks_.empty() ? common_distance() : common_depth();
   Eigen::MatrixXd M = Eigen::MatrixXd::Identity(dimension_, dimension_) - change_by_scale() * L;
-  M.row(scale_offset_) = L;
+  M.row(kScale) = L;
   const Eigen::MatrixXd moved = M * covariance() * M.transpose();
   P_.topLeftCorner(dimension_, dimension_) = (moved + moved.transpose()) / 2;
 }
@@ -266,7 +271,7 @@ void State::merge_scale() {
 void State::rescale(double ratio) {
   Eigen::VectorXd units = Eigen::VectorXd::Ones(dimension_);
   const auto move = [&](Pose& pose) {
-    pose.p_world_imu = scale_origin_ + ratio * (pose.p_world_imu - scale_origin_);
+    pose.p_world_imu += (ratio - 1) * (camera(pose) - scale_origin_);
   };
   for (ImuState* imu : {&imu_, &imu_first_}) {
     move(imu->pose);
@@ -302,7 +307,7 @@ Eigen::VectorXd State::window_minus(const State& other) const {
   const auto rotation = [](const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
     return log_quaternion(from.conjugate() * to);
   };
-  const int window = window_offset();
+  const int window = kWindow;
   if (extrinsics_offset_ >= 0) {
     const int row = extrinsics_offset_ - window;
     difference.segment<3>(row) = extrinsics_.p_imu_cam - other.extrinsics_.p_imu_cam;
@@ -367,7 +372,7 @@ void State::apply(const Eigen::VectorXd& dx) {
   for (std::size_t i = 0; i < landmarks_.size(); ++i) {
     landmarks_[i].inverse_depth += dx.segment<3>(landmark_offset(static_cast<int>(i)));
   }
-  if (dx(scale_offset_) != 0) rescale(std::exp(dx(scale_offset_)));
+  if (dx(kScale) != 0) rescale(std::exp(dx(kScale)));
 }
 
 void State::insert_rows(int offset, int size) {

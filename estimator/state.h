@@ -4,17 +4,19 @@
 //
 // Error state, in this order:
 //   IMU          [dp dv dtheta dbg dba]                     15   (paper eq. 3)
+//   scale        [ds]                                       1
 //   calibration  [dp_imu_cam dtheta_imu_cam] [dt_offset]    6, 1 and 6 as far as it is estimated
 //                IntrinsicsError
-//   scale        [ds]                                       1
 //   clones       [dp dtheta] each, IMU pose at an image     6 M  (paper eq. 4)
 //   landmarks    [dalpha dbeta drho] each, anchored         3 N  (paper eq. 5)
 // Rotation errors are local: q = q_hat * Exp(dtheta). What is measured in metres is relative to the
-// scale: p = c + exp(ds) (p_hat + dp - c), v = exp(ds) (v_hat + dv), rho = exp(-ds) (rho_hat +
-// drho), about a fixed point c. Bearings alone never show ds, wherever they are linearised (but for
-// the lever arm p_imu_cam, which is in metres); what does is how fast the IMU says that velocity
-// changes. With the scale spread over positions, velocities and depths instead, each update
-// linearises a little elsewhere along it, and all together claim to have seen it.
+// scale: where the camera is, v and rho change by exp(ds) about a fixed point c, that is
+//   p = p_hat + dp + (exp(ds) - 1) (p_hat + dp + R p_imu_cam - c)
+//   v = exp(ds) (v_hat + dv)        rho = exp(-ds) (rho_hat + drho)
+// Bearings do not depend on ds, wherever they are linearised; what does is how fast the IMU says
+// that velocity changes, and how far the camera swings about the IMU. With the scale spread over
+// positions, velocities and depths instead, each update linearises a little elsewhere along it, and
+// all together claim to have seen it.
 //
 // Before the first visual update there is nothing that has a scale in common: until
 // separate_scale() ds is zero, and certain. Clones are IMU poses, not camera poses as in the paper,
@@ -49,7 +51,7 @@ struct CoreState {
   ImuState imu;
   CameraExtrinsics extrinsics;
   IntrinsicsError intrinsics_error = IntrinsicsError::Zero();
-  Eigen::MatrixXd covariance;  // of IMU, calibration and scale as in State, all in metres: ds = 0
+  Eigen::MatrixXd covariance;  // of IMU, scale and calibration as in State, all in metres: ds = 0
 };
 
 struct Clone {
@@ -71,7 +73,7 @@ struct SlamLandmark {
 class State {
  public:
   static constexpr int kPosition = 0, kVelocity = 3, kRotation = 6, kGyroBias = 9, kAccelBias = 12;
-  static constexpr int kImuSize = 15;
+  static constexpr int kImuSize = 15, kScale = kImuSize;
 
   State(const EstimatorConfig& config, const ImuState& imu,
         const Eigen::Matrix<double, kImuSize, kImuSize>& imu_covariance);
@@ -85,7 +87,7 @@ class State {
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
   [[nodiscard]] auto covariance() const { return P_.topLeftCorner(dimension_, dimension_); }
-  // Of the first `size` components, calibration and scale among them, were all in metres.
+  // Of the first `size` components, scale and calibration among them, were all in metres.
   [[nodiscard]] Eigen::MatrixXd metric_covariance(int size) const;
   [[nodiscard]] CoreState core() const;
 
@@ -93,11 +95,10 @@ class State {
   [[nodiscard]] int extrinsics_offset() const { return extrinsics_offset_; }
   [[nodiscard]] int time_offset_offset() const { return time_offset_offset_; }
   [[nodiscard]] int intrinsics_offset() const { return intrinsics_offset_; }
-  [[nodiscard]] int scale_offset() const { return scale_offset_; }
-  // What bearings depend on, SLAM features apart: calibration, scale and clones.
-  [[nodiscard]] int window_offset() const { return kImuSize; }
-  [[nodiscard]] int window_size() const { return landmark_offset(0) - window_offset(); }
-  [[nodiscard]] int clones_offset() const { return scale_offset_ + 1; }
+  // What bearings depend on, SLAM features apart: calibration and clones.
+  static constexpr int kWindow = kScale + 1;
+  [[nodiscard]] int window_size() const { return landmark_offset(0) - kWindow; }
+  [[nodiscard]] int clones_offset() const { return clones_offset_; }
   [[nodiscard]] int clone_offset(int index) const { return clones_offset() + 6 * index; }
   [[nodiscard]] int landmark_offset(int index) const {
     return clones_offset() + 6 * static_cast<int>(clones_.size()) + 3 * index;
@@ -149,6 +150,8 @@ class State {
   // IMU's noise adds to dv, in all. The same noise stands in the innovation that the scale is
   // corrected by: counted in full it made the scale of slow flights grow (errors in variables).
   Eigen::Vector3d without_noise(const Eigen::Vector3d& dv, double dt, double noise_variance);
+  // Where the camera is, in the world.
+  [[nodiscard]] Eigen::Vector3d camera(const Pose& pose) const;
   [[nodiscard]] Eigen::VectorXd change_by_scale() const;
   [[nodiscard]] Eigen::RowVectorXd common_distance() const;
   [[nodiscard]] Eigen::RowVectorXd common_depth() const;
@@ -172,7 +175,7 @@ class State {
   std::vector<SlamLandmark> landmarks_;
   Eigen::Vector3d scale_origin_ = Eigen::Vector3d::Zero();  // c, m
   int extrinsics_offset_ = -1, time_offset_offset_ = -1, intrinsics_offset_ = -1;
-  int scale_offset_ = kImuSize;
+  int clones_offset_ = kWindow;
   int dimension_ = 0;
   Eigen::MatrixXd P_;  // capacity x capacity; the top left dimension_ x dimension_ is in use
 };

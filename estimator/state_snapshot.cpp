@@ -38,7 +38,7 @@ std::vector<int> told_errors(const State& state) {
     const int within = i - state.intrinsics_offset();
     const bool intrinsics =
         state.intrinsics_offset() >= 0 && within >= 0 && within < kIntrinsicsSize;
-    if (!intrinsics && i != state.scale_offset()) told.push_back(i);
+    if (!intrinsics && i != State::kScale) told.push_back(i);
   }
   return told;
 }

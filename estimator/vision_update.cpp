@@ -62,10 +62,10 @@ BearingByIntrinsics by_intrinsics_at(const Eigen::Vector2d& expected,
          pinhole_by_intrinsics(observation.bearing);
 }
 
-// Rows of one SLAM feature seen in one clone: Jacobian over [extrinsics | intrinsics |
-// scale | anchor | clone | feature].
+// Rows of one SLAM feature seen in one clone: Jacobian over [calibration | anchor | clone |
+// feature].
 struct SlamRows {
-  Eigen::Matrix<double, 2, 28> H = Eigen::Matrix<double, 2, 28>::Zero();
+  Eigen::Matrix<double, 2, 27> H = Eigen::Matrix<double, 2, 27>::Zero();
   Eigen::Vector2d r = Eigen::Vector2d::Zero();
   Columns columns;
   int width = 0;
@@ -76,12 +76,6 @@ void append(SlamRows& rows, const Eigen::Ref<const Eigen::MatrixXd>& J, int offs
   rows.H.block(0, rows.width, 2, J.cols()) = J;
   rows.columns.add(offset, static_cast<int>(J.cols()));
   rows.width += static_cast<int>(J.cols());
-}
-
-// In units of the scale the lever arm, which is in metres, shrinks as the scale grows.
-template <typename Jacobian>
-auto by_scale(const Jacobian& by_extrinsics, const CameraExtrinsics& extrinsics) {
-  return (-by_extrinsics.template leftCols<3>() * extrinsics.p_imu_cam).eval();
 }
 
 SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
@@ -103,12 +97,12 @@ SlamRows slam_rows(const State& state, int landmark_index, int clone_index,
   const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, observation);
   rows.r = W * (observation.bearing - by_intrinsics * state.intrinsics_error() - now.bearing);
   const Matrix23d J_point = W * first.J_point;
-  const Matrix26d by_extrinsics = W * first.J_extrinsics + J_point * point.J_extrinsics;
-  if (state.extrinsics_offset() >= 0) append(rows, by_extrinsics, state.extrinsics_offset());
+  if (state.extrinsics_offset() >= 0) {
+    append(rows, W * first.J_extrinsics + J_point * point.J_extrinsics, state.extrinsics_offset());
+  }
   if (state.intrinsics_offset() >= 0) {
     append(rows, W * by_intrinsics, state.intrinsics_offset());
   }
-  append(rows, by_scale(by_extrinsics, extrinsics), state.scale_offset());
   if (anchor_index != clone_index) {
     append(rows, J_point * point.J_anchor, state.clone_offset(anchor_index));
     append(rows, W * first.J_pose, state.clone_offset(clone_index));
@@ -126,8 +120,8 @@ VisionUpdate::VisionUpdate(const EstimatorConfig& config, int state_capacity)
       slam_update_(2 * config.max_slam_features, state_capacity),
       stacked_update_(state_capacity, state_capacity) {
   const Eigen::Index max_observations = config.max_clones + 2;
-  constexpr Eigen::Index kMostCalibration = 7 + kIntrinsicsSize, kScale = 1;
-  const Eigen::Index max_columns = kMostCalibration + kScale + 6 * max_observations + 1;
+  constexpr Eigen::Index kMostCalibration = 7 + kIntrinsicsSize;
+  const Eigen::Index max_columns = kMostCalibration + 6 * max_observations + 1;
   // The glimpse's row of the common depth needs no room: each of its tracks has two rows less.
   const Eigen::Index max_tracks =
       std::max(config.max_msckf_features + config.max_slam_features, max_glimpse_tracks(config));
@@ -208,7 +202,7 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
   const int columns = state.window_size();
   result.rows = 2 * static_cast<int>(track.observations.size());
   H_track_.topLeftCorner(result.rows, columns + 1).setZero();
-  const int window = state.window_offset();
+  const int window = State::kWindow;
   int row = 0;
   for (const CloneObservation& o : track.observations) {
     const int index = state.find_clone(o.clone_id);
@@ -221,11 +215,10 @@ bool VisionUpdate::fill_rows(const State& state, const Track& track, const Eigen
     auto H = H_track_.middleRows(row, 2);
     H.middleCols(state.clone_offset(index) - window, 6) += W * at_first.J_pose;
     H.middleCols(state.clone_offset(anchor_index) - window, 6) += J_point * first.J_anchor;
-    const Matrix26d by_extrinsics = W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     if (state.extrinsics_offset() >= 0) {
-      H.middleCols(state.extrinsics_offset() - window, 6) = by_extrinsics;
+      H.middleCols(state.extrinsics_offset() - window, 6) +=
+          W * at_first.J_extrinsics + J_point * first.J_extrinsics;
     }
-    H.col(state.scale_offset() - window) = by_scale(by_extrinsics, extrinsics);
     const BearingByIntrinsics by_intrinsics = by_intrinsics_at(now.bearing, o);
     if (state.intrinsics_offset() >= 0) {
       H.middleCols(state.intrinsics_offset() - window, kIntrinsicsSize) += W * by_intrinsics;
@@ -289,15 +282,19 @@ VisionUpdate::Outcome VisionUpdate::examine(const State& state, const Track& tra
 // holds: bearings do not depend on the scale.
 double VisionUpdate::depth_error(const State& state, const Linearized& feature, Depth depth) const {
   const int columns = state.window_size();
-  const int window = state.window_offset();
+  const int window = State::kWindow;
   const Eigen::Matrix3d R_inverse =
       Eigen::Matrix3d(H_feature_.topRows<3>().triangularView<Eigen::Upper>()).inverse();
   const double rho = feature.landmark.inverse_depth.z();
-  Eigen::RowVectorXd J = R_inverse.row(2) * H_track_.block(0, 0, 3, columns);
-  if (depth == Depth::kInMetres) J(state.scale_offset() - window) += rho;
-  const auto P = state.covariance().block(window, window, columns, columns);
-  const double variance = (J * P).dot(J) + R_inverse.row(2).squaredNorm();
-  return std::sqrt(variance) / rho;
+  const Eigen::RowVectorXd J = R_inverse.row(2) * H_track_.block(0, 0, 3, columns) / rho;
+  const auto P = state.covariance();
+  double variance = (J * P.block(window, window, columns, columns)).dot(J) +
+                    R_inverse.row(2).squaredNorm() / (rho * rho);
+  if (depth == Depth::kInMetres) {
+    const int scale = State::kScale;
+    variance += 2 * J.dot(P.row(scale).segment(window, columns)) + P(scale, scale);
+  }
+  return std::sqrt(variance);
 }
 
 std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const Track& track,
@@ -308,7 +305,7 @@ std::optional<LandmarkRows> VisionUpdate::upper_rows(const State& state, const T
   }
   const int m = std::min(3, feature.rows);
   const int columns = state.window_size();
-  const int window = state.window_offset();
+  const int window = State::kWindow;
   LandmarkRows rows;
   rows.landmark = feature.landmark;
   rows.R = H_feature_.topRows(m).triangularView<Eigen::Upper>();
@@ -333,7 +330,7 @@ bool VisionUpdate::passes_gate(const State& state, int rows) const {
   const int m = rows - 3;
   const auto H = H_track_.block(3, 0, m, columns);
   const auto r = H_track_.col(columns).segment(3, m);
-  const int window = state.window_offset();
+  const int window = State::kWindow;
   const auto P = state.covariance().block(window, window, columns, columns);
   Eigen::MatrixXd S = Eigen::MatrixXd::Identity(m, m);
   const Eigen::MatrixXd HP = H * P;
@@ -351,7 +348,7 @@ void VisionUpdate::stack_rows(int rows, int columns) {
 // R df + H dx + n = r  gives  df = inv(R) (r - H dx - n).
 void VisionUpdate::augment(State& state, const Linearized& feature) {
   const int columns = state.window_size();
-  const int window = state.window_offset();
+  const int window = State::kWindow;
   const Eigen::Matrix3d R = H_feature_.topRows<3>().triangularView<Eigen::Upper>();
   const Eigen::Matrix3d R_inverse = R.inverse();
   const Eigen::MatrixXd J = -R_inverse * H_track_.block(0, 0, 3, columns);
@@ -586,7 +583,7 @@ bool VisionUpdate::apply_stack(State& state) {
   const int columns = state.window_size();
   const int rows = compress_rows(stack_.topLeftCorner(stack_rows_, columns + 1));
   Columns range;
-  range.add(state.window_offset(), columns);
+  range.add(State::kWindow, columns);
   stacked_update_.begin(state);
   stacked_update_.add(state, stack_.topLeftCorner(rows, columns), stack_.col(columns).head(rows),
                       range);
@@ -622,12 +619,10 @@ void VisionUpdate::reanchor(State& state, int leaving_clone, UpdateReport& repor
     J.middleCols(state.landmark_offset(i), 3) = moved_first.J_point * first.J_inverse_depth;
     J.middleCols(state.clone_offset(leaving_clone), 6) = moved_first.J_point * first.J_anchor;
     J.middleCols(state.clone_offset(target), 6) += moved_first.J_pose;
-    const Matrix36d by_extrinsics =
-        moved_first.J_extrinsics + moved_first.J_point * first.J_extrinsics;
     if (state.extrinsics_offset() >= 0) {
-      J.middleCols(state.extrinsics_offset(), 6) = by_extrinsics;
+      J.middleCols(state.extrinsics_offset(), 6) =
+          moved_first.J_extrinsics + moved_first.J_point * first.J_extrinsics;
     }
-    J.col(state.scale_offset()) = by_scale(by_extrinsics, extrinsics);
     SlamLandmark moved = landmark;
     moved.anchor_id = clones[static_cast<std::size_t>(target)].id;
     moved.inverse_depth = moved_now.inverse_depth;

@@ -121,7 +121,7 @@ TEST(PeerUpdate, DerivativesOfTheSightedPoseAgreeWithDifferences) {
   const SharedKeyframe at = keyframe_of(state, tracks, vision, {});
   const auto own = sight(state, at);
   ASSERT_TRUE(own);
-  const int scale = state.scale_offset();  // a peer is only met in metres
+  const int scale = State::kScale;  // a peer is only met in metres
   const auto moved = [&](Eigen::VectorXd dx) -> Eigen::VectorXd {
     State other = state;
     dx(scale) = 0;

@@ -94,14 +94,18 @@ TEST(ImuTransition, TheJacobianAgreesWithDifferences) {
   expect_jacobian("transition", transition(increment, start, end, kGravity), at_end, 1e-5);
 }
 
-// With the error of what is in metres relative to the scale, about c.
+// With the error of what is in metres relative to the scale, the camera's place about c. For as
+// long as acceleration does not change much.
 TEST(ImuTransition, TheScaleMovesThePresentAsDifferencesDo) {
-  constexpr double kDuration_s = 0.2;
-  const std::vector<ImuSample> samples = steady(0, kDuration_s, measured({1, -2, 0.5}));
+  std::vector<ImuSample> samples = wobble(0);
+  samples.resize(5);
   const ImuState start = flying(), end = carried(start, samples);
-  const Eigen::Vector3d c(0.3, -0.2, 1.4);
+  const Eigen::Vector3d c(0.3, -0.2, 1.4), p_imu_cam(3, -2, 1);
+  const auto camera = [&](const ImuState& imu) -> Eigen::Vector3d {
+    return imu.pose.p_world_imu + imu.pose.q_world_imu * p_imu_cam;
+  };
   const auto scaled = [&](ImuState imu, double ratio) {
-    imu.pose.p_world_imu = c + ratio * (imu.pose.p_world_imu - c);
+    imu.pose.p_world_imu += (ratio - 1) * (camera(imu) - c);
     imu.v_world_imu *= ratio;
     return imu;
   };
@@ -109,8 +113,12 @@ TEST(ImuTransition, TheScaleMovesThePresentAsDifferencesDo) {
     const ImuState moved_end = carried(scaled(start, std::exp(ds(0))), samples);
     return difference(end, scaled(moved_end, std::exp(-ds(0))));
   };
-  const Eigen::Vector3d dv = end.v_world_imu - start.v_world_imu;
-  expect_jacobian("by scale", transition_by_scale(dv, kDuration_s), at_end, 1e-5);
+  const double dt = seconds_between(samples.front().stamp_ns, samples.back().stamp_ns);
+  const Eigen::Vector3d swing =
+      (end.pose.q_world_imu * p_imu_cam) - (start.pose.q_world_imu * p_imu_cam);
+  EXPECT_GT(swing.norm(), 1e-3);
+  expect_jacobian("by scale", transition_by_scale(end.v_world_imu - start.v_world_imu, dt, swing),
+                  at_end, 1e-5);
 }
 
 Eigen::MatrixXd some_covariance(Eigen::Index size) {
@@ -127,12 +135,12 @@ IntrinsicsError wrong_intrinsics() {
   return error;
 }
 
-// All in metres: nothing is said of the scale, which comes last.
+// All in metres: nothing is said of the scale.
 State calibrating_state() {
   const EstimatorConfig config = calibrating();
-  constexpr Eigen::Index kRest = State::kImuSize + 7 + kIntrinsicsSize;
-  Eigen::MatrixXd P = Eigen::MatrixXd::Zero(kRest + 1, kRest + 1);
-  P.topLeftCorner(kRest, kRest) = some_covariance(kRest);
+  Eigen::MatrixXd P = some_covariance(State::kWindow + 7 + kIntrinsicsSize);
+  P.row(State::kScale).setZero();
+  P.col(State::kScale).setZero();
   return State(config, CoreState{flying(), config.extrinsics, wrong_intrinsics(), P});
 }
 
@@ -176,7 +184,7 @@ State with_landmark_in_metres() {
   state.add_clone(2, samples.back().stamp_ns, true, {0.2, 0.1, -0.4});
   const Eigen::Vector3d inverse_depth(0.3, -0.2, 0.2);
   Eigen::MatrixXd cross = Eigen::MatrixXd::Constant(3, state.dimension(), 1e-6);
-  cross.col(state.scale_offset()).setZero();
+  cross.col(State::kScale).setZero();
   state.add_landmark({7, 1, inverse_depth, inverse_depth, 0}, cross,
                      1e-4 * Eigen::Matrix3d::Identity());
   return state;
@@ -193,7 +201,7 @@ TEST(State, ASeparateScaleChangesNothingInMetres) {
   const Eigen::MatrixXd P = state.covariance();
   EXPECT_NEAR(state.common_depth_sigma(), 0.05, 1e-9);
   state.separate_scale();
-  const int scale = state.scale_offset(), rho = state.landmark_offset(0) + 2;
+  const int scale = State::kScale, rho = state.landmark_offset(0) + 2;
   const double value = state.landmarks()[0].inverse_depth.z();
   EXPECT_NEAR(state.covariance()(scale, scale), P(rho, rho) / (value * value), 1e-12);
   EXPECT_NEAR(state.common_depth_sigma(), 0, 1e-6) << "the only depth is all of the scale";
@@ -201,6 +209,10 @@ TEST(State, ASeparateScaleChangesNothingInMetres) {
   EXPECT_LT((state.core().covariance - P.topLeftCorner(scale + 1, scale + 1)).norm(), 1e-12);
   state.merge_scale();
   EXPECT_LT((state.covariance() - P).norm(), 1e-12);
+}
+
+Eigen::Vector3d camera_of(const State& state, const Pose& pose) {
+  return pose.p_world_imu + pose.q_world_imu * state.extrinsics().p_imu_cam;
 }
 
 // As long as there is no landmark.
@@ -211,11 +223,11 @@ TEST(State, TheScaleOfClonesAloneIsHowFarTheyAreApart) {
   state.separate_scale();
   const int first = state.clone_offset(0), second = state.clone_offset(1);
   const Eigen::Vector3d way =
-      state.clones()[1].pose.p_world_imu - state.clones()[0].pose.p_world_imu;
+      camera_of(state, state.clones()[1].pose) - camera_of(state, state.clones()[0].pose);
   const Eigen::Matrix3d P_way = P.block<3, 3>(first, first) + P.block<3, 3>(second, second) -
                                 P.block<3, 3>(first, second) - P.block<3, 3>(second, first);
   const double squared = way.squaredNorm();
-  const int scale = state.scale_offset();
+  const int scale = State::kScale;
   EXPECT_NEAR(state.covariance()(scale, scale), way.dot(P_way * way) / (squared * squared), 1e-9);
   EXPECT_LT((state.metric_covariance(state.dimension()) - P).norm(), 1e-9);
 }
@@ -237,7 +249,7 @@ TEST(State, WithASeparateScaleItPropagatesAsInMetres) {
 
 // How far the velocity's error goes with the scale's, along `direction`.
 double velocity_by_scale(const State& state, const Eigen::Vector3d& direction) {
-  const int scale = state.scale_offset();
+  const int scale = State::kScale;
   const Eigen::MatrixXd P = state.covariance();
   return direction.dot(P.block<3, 1>(State::kVelocity, scale)) / P(scale, scale);
 }
@@ -271,20 +283,22 @@ TEST(State, WhatDoesNotStandOutOfTheNoiseTellsOfTheScaleOnlyWhenItLasts) {
   EXPECT_GT(told_after(0.005, 200), 0.7);
 }
 
-TEST(State, ACorrectionOfTheScaleLeavesTheWindowsOldestCloneWhereItIs) {
+TEST(State, ACorrectionOfTheScaleLeavesTheCameraOfTheWindowsOldestCloneWhereItIs) {
   State state = with_landmark();
   const State before = state;
   Eigen::VectorXd dx = Eigen::VectorXd::Zero(state.dimension());
-  dx(state.scale_offset()) = std::log(2.0);
+  dx(State::kScale) = std::log(2.0);
   state.correct(dx, Eigen::MatrixXd::Zero(state.dimension(), 1));
-  const Eigen::Vector3d c = before.clones()[0].pose.p_world_imu;
+  const Eigen::Vector3d c = camera_of(before, before.clones()[0].pose);
   const auto expect_at = [](const Eigen::Vector3d& expected, const Eigen::Vector3d& value) {
     EXPECT_LT((value - expected).norm(), 1e-12);
   };
-  expect_at(c, state.clones()[0].pose.p_world_imu);
-  expect_at(c + 2 * (before.clones()[1].first.p_world_imu - c),
-            state.clones()[1].first.p_world_imu);
-  expect_at(c + 2 * (before.imu().pose.p_world_imu - c), state.imu().pose.p_world_imu);
+  const auto doubled = [&](const Pose& pose) -> Eigen::Vector3d {
+    return c + 2 * (camera_of(before, pose) - c);
+  };
+  expect_at(c, camera_of(state, state.clones()[0].pose));
+  expect_at(doubled(before.clones()[1].first), camera_of(state, state.clones()[1].first));
+  expect_at(doubled(before.imu().pose), camera_of(state, state.imu().pose));
   expect_at(2 * before.imu().v_world_imu, state.imu().v_world_imu);
   EXPECT_NEAR(state.landmarks()[0].inverse_depth.z(), before.landmarks()[0].inverse_depth.z() / 2,
               1e-12);
@@ -303,7 +317,7 @@ Eigen::VectorXd seen_from_second(State state, const Eigen::VectorXd& dx) {
           .p_world;
   Eigen::Vector3d seen =
       inverse_depth_of_point(p_world, state.clones()[1].pose, state.extrinsics()).inverse_depth;
-  seen.z() *= std::exp(dx(state.scale_offset()));
+  seen.z() *= std::exp(dx(State::kScale));
   return seen;
 }
 
