@@ -212,10 +212,10 @@ Eigen::MatrixXd State::metric_covariance(int size) const {
   const Eigen::VectorXd D = change_by_scale().head(size);
   const Eigen::VectorXd of_scale = P_.col(kScale).head(size);
   Eigen::MatrixXd P = P_.topLeftCorner(size, size);
-  P += of_scale * D.transpose() + D * of_scale.transpose() + of_scale(kScale) * D * D.transpose();
+  P.selfadjointView<Eigen::Lower>().rankUpdate(D, of_scale + of_scale(kScale) / 2 * D);
   P.col(kScale).setZero();
   P.row(kScale).setZero();
-  return P;
+  return P.selfadjointView<Eigen::Lower>();
 }
 
 // d(what the window's clones are apart by, over its value)/d(error state).

@@ -87,7 +87,8 @@ class State {
   [[nodiscard]] const std::vector<SlamLandmark>& landmarks() const { return landmarks_; }
   [[nodiscard]] int dimension() const { return dimension_; }
   [[nodiscard]] auto covariance() const { return P_.topLeftCorner(dimension_, dimension_); }
-  // Of the first `size` components, scale and calibration among them, were all in metres.
+  // Of the first `size` components, scale and calibration among them, were all in metres. Symmetric
+  // to the last bit.
   [[nodiscard]] Eigen::MatrixXd metric_covariance(int size) const;
   [[nodiscard]] CoreState core() const;
 
