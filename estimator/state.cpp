@@ -296,6 +296,34 @@ void State::rescale(double ratio) {
   }
 }
 
+// By how much faster it flew: the derivative of the clones' corrections, a parabola through each
+// three of them. They change smoothly, as the IMU's errors do.
+void State::relinearize_time_offset(const State& seen) {
+  const int offset = time_offset_offset_;
+  if (offset < 0 || clones_.size() < 3) return;
+  const auto span_s = [&](std::size_t i) {
+    return seconds_between(clones_[i].stamp_ns, clones_[i + 1].stamp_ns);
+  };
+  const auto slope = [&](std::size_t i) -> Eigen::Vector3d {
+    const auto correction = [&](std::size_t at) -> Eigen::Vector3d {
+      return seen.clones_[at].pose.p_world_imu - clones_[at].pose.p_world_imu;
+    };
+    return (correction(i + 1) - correction(i)) / span_s(i);
+  };
+  for (std::size_t i = 0; i < clones_.size(); ++i) {
+    const std::size_t middle = std::clamp<std::size_t>(i, 1, clones_.size() - 2);
+    const double left = span_s(middle - 1), right = span_s(middle);
+    const Eigen::Vector3d bend = (slope(middle) - slope(middle - 1)) / (left + right);
+    const Eigen::Vector3d faster =
+        slope(middle) - right * bend +
+        2 * seconds_between(clones_[middle].stamp_ns, clones_[i].stamp_ns) * bend;
+    const int clone = clone_offset(static_cast<int>(i));
+    P_.block(clone, 0, 3, dimension_) += (faster * P_.row(offset).head(dimension_)).eval();
+    P_.block(0, clone, dimension_, 3) +=
+        (P_.col(offset).head(dimension_) * faster.transpose()).eval();
+  }
+}
+
 void State::forget_first_estimates() {
   imu_first_ = imu_;
   for (Clone& clone : clones_) clone.first = clone.pose;

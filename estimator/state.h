@@ -133,6 +133,9 @@ class State {
   // All in metres again.
   void merge_scale();
 
+  // A clone moves with the time offset as fast as the drone flew then: as `seen` has it by now, not
+  // as the IMU alone had it. `seen`: of the same clones.
+  void relinearize_time_offset(const State& seen);
   // Linearise everything at the present values from here on. Only while first estimates are worth
   // less than what they guard: until depths are known.
   void forget_first_estimates();

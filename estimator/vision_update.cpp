@@ -433,6 +433,7 @@ VisionUpdate::Start VisionUpdate::start(State& state, State& guess,
     auto H = stack_.topLeftCorner(stack_rows_, columns);
     stack_.col(columns).head(stack_rows_) += H * current.window_minus(state);
     State next = state;
+    next.relinearize_time_offset(current);
     if (!apply_stack(next)) return Start::kNone;
     next.forget_first_estimates();
     const double change = next.window_minus(current).cwiseAbs().maxCoeff();

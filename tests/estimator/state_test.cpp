@@ -8,6 +8,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <array>
 #include <cmath>
 #include <random>
 #include <vector>
@@ -173,6 +174,29 @@ TEST(State, ACloneMovesWithTheTimeOffset) {
   EXPECT_LT((state.covariance() - J * P * J.transpose()).norm(), 1e-12);
 }
 
+TEST(State, ACloneMovesWithTheTimeOffsetAsFastAsIsSeenLater) {
+  State state = calibrating_state();
+  const int offset = state.time_offset_offset();
+  // Corrected by (0.1 t + 0.2 t^2) along x.
+  const std::array<double, 4> times_s = {0, 0.5, 0.7, 1.5};
+  for (std::size_t i = 0; i < times_s.size(); ++i) {
+    state.add_clone(i + 1, nanoseconds(times_s[i]), true, Eigen::Vector3d::Zero());
+  }
+  State seen = state;
+  Eigen::VectorXd moved = Eigen::VectorXd::Zero(state.dimension());
+  Eigen::MatrixXd M = Eigen::MatrixXd::Identity(state.dimension(), state.dimension());
+  for (std::size_t i = 0; i < times_s.size(); ++i) {
+    const double t = times_s[i];
+    const int x = state.clone_offset(static_cast<int>(i));
+    moved(x) = 0.1 * t + 0.2 * t * t;
+    M(x, offset) = 0.1 + 0.4 * t;
+  }
+  seen.correct(moved, Eigen::MatrixXd::Zero(state.dimension(), 1));
+  const Eigen::MatrixXd before = state.covariance();
+  state.relinearize_time_offset(seen);
+  EXPECT_LT((state.covariance() - M * before * M.transpose()).norm(), 1e-12);
+}
+
 // Two keyframes and a landmark, linearised where everything is.
 State with_landmark_in_metres() {
   State state = calibrating_state();
@@ -206,7 +230,8 @@ TEST(State, ASeparateScaleChangesNothingInMetres) {
   EXPECT_NEAR(state.covariance()(scale, scale), P(rho, rho) / (value * value), 1e-12);
   EXPECT_NEAR(state.common_depth_sigma(), 0, 1e-6) << "the only depth is all of the scale";
   EXPECT_LT((state.metric_covariance(state.dimension()) - P).norm(), 1e-12);
-  EXPECT_LT((state.core().covariance - P.topLeftCorner(scale + 1, scale + 1)).norm(), 1e-12);
+  const int core = state.clones_offset();
+  EXPECT_LT((state.core().covariance - P.topLeftCorner(core, core)).norm(), 1e-12);
   state.merge_scale();
   EXPECT_LT((state.covariance() - P).norm(), 1e-12);
 }
