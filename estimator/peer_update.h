@@ -63,11 +63,10 @@ struct Sighting {
 
 // `state`: all in metres (State::merge_scale), as a peer speaks. Two messages in a row may be of
 // different peers, even of the same landmarks: each is fused with the state that the one before has
-// left. Landmarks that do not fit the others are gated, the
-// keyframe when it disagrees with the state; both on covariances as they are, not inflated (paper,
-// section III-F). The change of y is carried to the state by regression, x += G (y+ - y), P -= G (S
-// - S+) G^T with G = P Y^T inv(S), which stays positive definite and leaves alone what is not
-// correlated with y.
+// left. Landmarks that do not fit the others are gated, the keyframe when it disagrees with the
+// state; both on covariances as they are, not inflated (paper, section III-F). The change of y is
+// carried to the state by regression, x += G (y+ - y), P -= G (S - S+) G^T with G = P Y^T inv(S),
+// which stays positive definite and leaves alone what is not correlated with y.
 [[nodiscard]] PeerReport update_from_peer(State& state, SharedKeyframe keyframe,
                                           const PeerGate& gate);
 

@@ -8,6 +8,7 @@
 
 #include "estimator/calibration_sigma.h"
 #include "estimator/imu_transition.h"
+#include "estimator/observation_model.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -190,7 +191,7 @@ void State::count_gated(int landmark_index, bool gated) {
 }
 
 Eigen::Vector3d State::camera(const Pose& pose) const {
-  return pose.p_world_imu + pose.q_world_imu * extrinsics_.p_imu_cam;
+  return camera_pose(pose, extrinsics_).p_world_cam;
 }
 
 // d(what is in metres)/d(ds).
@@ -331,26 +332,25 @@ void State::forget_first_estimates() {
 }
 
 Eigen::VectorXd State::window_minus(const State& other) const {
-  Eigen::VectorXd difference = Eigen::VectorXd::Zero(window_size());
+  Eigen::VectorXd difference(window_size());
   const auto rotation = [](const Eigen::Quaterniond& from, const Eigen::Quaterniond& to) {
     return log_quaternion(from.conjugate() * to);
   };
-  const int window = kWindow;
   if (extrinsics_offset_ >= 0) {
-    const int row = extrinsics_offset_ - window;
+    const int row = extrinsics_offset_ - kWindow;
     difference.segment<3>(row) = extrinsics_.p_imu_cam - other.extrinsics_.p_imu_cam;
     difference.segment<3>(row + 3) = rotation(other.extrinsics_.q_imu_cam, extrinsics_.q_imu_cam);
   }
   if (time_offset_offset_ >= 0) {
-    difference(time_offset_offset_ - window) =
+    difference(time_offset_offset_ - kWindow) =
         extrinsics_.time_offset_s - other.extrinsics_.time_offset_s;
   }
   if (intrinsics_offset_ >= 0) {
-    difference.segment<kIntrinsicsSize>(intrinsics_offset_ - window) =
+    difference.segment<kIntrinsicsSize>(intrinsics_offset_ - kWindow) =
         intrinsics_error_ - other.intrinsics_error_;
   }
   for (std::size_t i = 0; i < clones_.size(); ++i) {
-    const int row = clone_offset(static_cast<int>(i)) - window;
+    const int row = clone_offset(static_cast<int>(i)) - kWindow;
     const Pose& from = other.clones_[i].pose;
     difference.segment<3>(row) = clones_[i].pose.p_world_imu - from.p_world_imu;
     difference.segment<3>(row + 3) = rotation(from.q_world_imu, clones_[i].pose.q_world_imu);

@@ -32,6 +32,26 @@ struct FilterRun {
   bool covariance_valid = true;
 };
 
+// Over the degrees of freedom.
+struct MeanNees {
+  double position = 0, orientation = 0;
+};
+
+// Once the filter has had time to start.
+inline MeanNees mean_nees_once_started(const FilterRun& run) {
+  constexpr double kStarted_s = 2;
+  constexpr double kDegreesOfFreedom = 3;
+  MeanNees sum;
+  int count = 0;
+  for (const ErrorSample& error : run.errors) {
+    if (error.time_s < kStarted_s) continue;
+    sum.position += error.position_nees / kDegreesOfFreedom;
+    sum.orientation += error.orientation_nees / kDegreesOfFreedom;
+    ++count;
+  }
+  return {sum.position / count, sum.orientation / count};
+}
+
 // The true calibration, disturbed by as much as the configuration admits for what it calibrates.
 inline CameraExtrinsics disturbed_extrinsics(const CameraExtrinsics& truth,
                                              const EstimatorConfig& config, std::uint64_t seed) {

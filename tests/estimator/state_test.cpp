@@ -237,7 +237,7 @@ TEST(State, ASeparateScaleChangesNothingInMetres) {
 }
 
 Eigen::Vector3d camera_of(const State& state, const Pose& pose) {
-  return pose.p_world_imu + pose.q_world_imu * state.extrinsics().p_imu_cam;
+  return camera_pose(pose, state.extrinsics()).p_world_cam;
 }
 
 // As long as there is no landmark.
