@@ -85,6 +85,10 @@ int State::find_landmark(std::uint64_t track_id) const {
 }
 
 Eigen::Vector3d State::without_noise(const Eigen::Vector3d& dv, double dt, double noise_variance) {
+  if (P_(kScale, kScale) == 0) {  // the scale does not stand by itself: nothing is seen yet
+    trend_ = {};
+    return dv;
+  }
   if (trend_.duration_s > 0) {
     const Eigen::Vector3d seen = (imu_.v_world_imu - trend_.v_world_imu) / trend_.duration_s;
     trend_.a_world_imu += std::min(trend_.duration_s / kTrend_s, 1.0) * (seen - trend_.a_world_imu);
@@ -254,7 +258,6 @@ double State::common_depth_sigma() const {
 // ds = L dx, and dx becomes dx - D ds.
 void State::separate_scale() {
   assert(!landmarks_.empty() || clones_.size() > 1);
-  if (P_(kScale, kScale) == 0) trend_ = {};
   merge_scale();
   scale_origin_ = camera(clones_.front().pose);
   const Eigen::RowVectorXd L = landmarks_.empty() ? common_distance() : common_depth();

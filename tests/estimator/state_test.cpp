@@ -279,33 +279,62 @@ double velocity_by_scale(const State& state, const Eigen::Vector3d& direction) {
   return direction.dot(P.block<3, 1>(State::kVelocity, scale)) / P(scale, scale);
 }
 
+constexpr double kImage_s = 0.05;
+
+ImuIncrement image_at(const Eigen::Vector3d& a_world) {
+  return integrate_imu(steady(0, kImage_s, measured(a_world)), flying().gyro_bias,
+                       flying().accel_bias, calibrating().imu_noise);
+}
+
+void propagate_images(State& state, const ImuIncrement& image, int images) {
+  const EstimatorConfig config = calibrating();
+  for (int i = 0; i < images; ++i) {
+    const TimeNs stamp_ns = state.imu().stamp_ns + nanoseconds(kImage_s);
+    state.propagate(image, stamp_ns, config.gravity, config.imu_noise);
+  }
+}
+
+// With a scale that stands by itself, after one image.
+State accelerating(const ImuIncrement& image) {
+  Matrix15d P = Matrix15d::Zero();
+  P.diagonal().segment<3>(State::kVelocity).setConstant(1e-4);
+  State state(calibrating(), flying(), P);
+  state.add_clone(1, 0, true, Eigen::Vector3d::Zero());
+  propagate_images(state, image, 1);
+  state.add_clone(2, nanoseconds(kImage_s), true, Eigen::Vector3d::Zero());
+  state.separate_scale();
+  return state;
+}
+
 // What velocity changes by tells of the scale. An image's worth of 5 mm/s2 does not stand out of
 // the accelerometer's noise; that it lasts does.
 TEST(State, WhatDoesNotStandOutOfTheNoiseTellsOfTheScaleOnlyWhenItLasts) {
-  constexpr double kImage_s = 0.05;
-  const EstimatorConfig config = calibrating();
   const Eigen::Vector3d forward = Eigen::Vector3d::UnitX();
   const auto told_after = [&](double acceleration, int images) {
-    Matrix15d P = Matrix15d::Zero();
-    P.diagonal().segment<3>(State::kVelocity).setConstant(1e-4);
-    State state(config, flying(), P);
-    state.add_clone(1, 0, true, Eigen::Vector3d::Zero());
-    const std::vector<ImuSample> samples = steady(0, kImage_s, measured(acceleration * forward));
-    const ImuIncrement increment =
-        integrate_imu(samples, flying().gyro_bias, flying().accel_bias, config.imu_noise);
-    state.propagate(increment, nanoseconds(kImage_s), config.gravity, config.imu_noise);
-    state.add_clone(2, nanoseconds(kImage_s), true, Eigen::Vector3d::Zero());
-    state.separate_scale();
+    const ImuIncrement image = image_at(acceleration * forward);
+    State state = accelerating(image);
     const double before = velocity_by_scale(state, forward);
-    for (int i = 2; i < images + 2; ++i) {
-      state.propagate(increment, nanoseconds(i * kImage_s), config.gravity, config.imu_noise);
-    }
+    propagate_images(state, image, images);
     return (before - velocity_by_scale(state, forward)) / (images * acceleration * kImage_s);
   };
   EXPECT_NEAR(told_after(2, 1), 1, 1e-2);
   EXPECT_NEAR(told_after(0.005, 1), 0, 0.01);
   EXPECT_NEAR(told_after(0.005, 20), 0.2, 0.1);
   EXPECT_GT(told_after(0.005, 200), 0.7);
+}
+
+// A peer is met in metres; what has lasted lasts.
+TEST(State, WhatHasLastedIsNotForgottenWhereTheScaleIsMergedForAMoment) {
+  constexpr double kAcceleration = 0.005;
+  const Eigen::Vector3d forward = Eigen::Vector3d::UnitX();
+  const ImuIncrement image = image_at(kAcceleration * forward);
+  State state = accelerating(image);
+  propagate_images(state, image, 200);
+  state.merge_scale();
+  state.separate_scale();
+  const double before = velocity_by_scale(state, forward);
+  propagate_images(state, image, 1);
+  EXPECT_GT((before - velocity_by_scale(state, forward)) / (kAcceleration * kImage_s), 0.9);
 }
 
 TEST(State, ACorrectionOfTheScaleLeavesTheCameraOfTheWindowsOldestCloneWhereItIs) {
