@@ -5,8 +5,10 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
+#include "estimator/drift_step.h"
 #include "estimator/match_row.h"
 #include "estimator/so3.h"
 
@@ -83,6 +85,19 @@ std::optional<Normal> solve(const Sightings& sightings, Hypothesis& hypothesis) 
   return normal;
 }
 
+// By what share all depths may be wrong together. As much as the way on which they were measured,
+// which whoever uses the pose sees (DriftObservation); but where there was hardly one, no landmark
+// is surer than what all of them share.
+double shared_depth_sigma(const KeyframeMatch& match, const std::vector<LandmarkMatch>& landmarks) {
+  const Eigen::Vector3d from = match.other_before.T_world_cam.translation();
+  if (!scale_gradient(from, match.other.T_world_cam.translation()).isZero()) return 0;
+  double least = std::numeric_limits<double>::max();
+  for (const LandmarkMatch& landmark : landmarks) {
+    least = std::min(least, landmark.inverse_depth_sigma / landmark.inverse_depth);
+  }
+  return least;
+}
+
 // Of the seventh component; none if it is too uncertain to tell.
 std::optional<DepthRatio> sure_ratio(double log_ratio, const Matrix7d& covariance) {
   if (!(covariance(6, 6) < kSureRatio * kSureRatio)) return std::nullopt;
@@ -93,11 +108,15 @@ std::optional<DepthRatio> sure_ratio(double log_ratio, const Matrix7d& covarianc
 
 std::optional<RelativePose> estimate_relative_pose(const KeyframeMatch& match, int min_inliers) {
   Hypothesis found{match.T_other_own, 0};
-  const std::optional<Normal> normal = solve(best_of(match, min_inliers), found);
+  const Sightings sightings = best_of(match, min_inliers);
+  const std::optional<Normal> normal = solve(sightings, found);
   if (!normal || normal->inliers < min_inliers) return std::nullopt;
   const Eigen::LLT<Matrix7d> cholesky(normal->A);
   if (cholesky.info() != Eigen::Success) return std::nullopt;
-  const Matrix7d covariance = cholesky.solve(Matrix7d::Identity());
+  Matrix7d covariance = cholesky.solve(Matrix7d::Identity());
+  const Eigen::Vector3d by_depths =
+      shared_depth_sigma(match, sightings.landmarks) * found.T_other_own.translation();
+  covariance.topLeftCorner<3, 3>() += by_depths * by_depths.transpose();
   const Eigen::LLT<Matrix6d> fixed(covariance.topLeftCorner<6, 6>());
   if (fixed.info() != Eigen::Success || fixed.rcond() < 1e-12) return std::nullopt;
   RelativePose pose;

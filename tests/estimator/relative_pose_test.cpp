@@ -25,12 +25,14 @@ Eigen::Isometry3d true_pose() {
 }
 
 // Landmarks 5..20 m in front of the other camera, whose depths and the own bearings are disturbed.
+// The other drone has measured them on a way of 5 m.
 // With a log ratio the own drone has measured their depths too, all of them too small by it.
 KeyframeMatch make_match(std::uint64_t seed, int landmarks, double noise = 1,
                          std::optional<double> log_ratio = std::nullopt) {
   Random random(seed, 0x3e1a), random_of_own(seed, 0x0d37);
   KeyframeMatch match;
   match.drone = "uav1";
+  match.other.T_world_cam.translation().x() = 5;
   match.T_other_own = true_pose();
   match.T_other_own.translation() += Eigen::Vector3d(0.2, -0.1, 0.3);
   match.T_other_own.linear() = exp_so3({0.02, 0.03, -0.01}) * true_pose().linear();
@@ -84,6 +86,37 @@ TEST(RelativePose, ErrorsAreAsLargeAsTheCovarianceSays) {
     nees += nees_of(*pose);
   }
   EXPECT_NEAR(nees / kRuns, 6.0, 1.0);
+}
+
+// All depths wrong by the same 2 %, and each by 1 % of its own.
+KeyframeMatch with_shared_depth_error(std::uint64_t seed) {
+  constexpr double kShared = 0.02, kEach = 0.01;
+  Random random(seed, 0x5ba2);
+  const double shared = kShared * random.gaussian();
+  KeyframeMatch match = make_match(seed, 30);
+  for (LandmarkMatch& landmark : match.matches) {
+    const double true_inverse_depth = landmark.inverse_depth_sigma / kDepthShare;
+    landmark.inverse_depth = true_inverse_depth * (1 + shared + kEach * random.gaussian());
+    landmark.inverse_depth_sigma = std::hypot(kShared, kEach) * true_inverse_depth;
+  }
+  return match;
+}
+
+TEST(RelativePose, DepthsOfWhoHasHardlyMovedMayAllBeWrongAlike) {
+  double nees = 0, nees_on_a_way = 0;
+  constexpr int kRuns = 300;
+  for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
+    KeyframeMatch match = with_shared_depth_error(seed);
+    const auto on_a_way = estimate_relative_pose(match, 8);
+    match.other_before = match.other;
+    const auto on_the_spot = estimate_relative_pose(match, 8);
+    ASSERT_TRUE(on_a_way && on_the_spot);
+    nees += nees_of(*on_the_spot);
+    nees_on_a_way += nees_of(*on_a_way);
+    EXPECT_TRUE(on_the_spot->T_other_own.isApprox(on_a_way->T_other_own, 0));
+  }
+  EXPECT_NEAR(nees / kRuns, 6.0, 1.5);
+  EXPECT_GT(nees_on_a_way / kRuns, 12.0) << "there the way tells it, and counts it once";
 }
 
 TEST(RelativePose, TwoDronesDepthsTellTheRatioOfTheirScales) {
