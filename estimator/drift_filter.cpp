@@ -72,7 +72,7 @@ void enlarge(RelativePose& measurement, double factor) {
 // Is the way such that depths measured over it are as wrong as it is?
 bool measures_depths(const KeyframePose& from, const KeyframePose& to, double least_s) {
   return seconds_between(from.stamp_ns, to.stamp_ns) >= least_s &&
-         !scale_gradient(from.T_world_cam.translation(), to.T_world_cam.translation()).isZero();
+         is_depth_baseline(from.T_world_cam.translation(), to.T_world_cam.translation());
 }
 
 }  // namespace

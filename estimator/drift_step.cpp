@@ -36,10 +36,14 @@ DriftStep drift_step(const Eigen::Vector3d& from, const Matrix6d& P_from, const 
   return step;
 }
 
-Eigen::RowVector3d scale_gradient(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+bool is_depth_baseline(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   constexpr double kShortest = 0.3;  // m; depths measured over less come from somewhere else
+  return (to - from).norm() >= kShortest;
+}
+
+Eigen::RowVector3d scale_gradient(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  if (!is_depth_baseline(from, to)) return Eigen::RowVector3d::Zero();
   const Eigen::Vector3d way = to - from;
-  if (way.norm() < kShortest) return Eigen::RowVector3d::Zero();
   return way.transpose() / way.squaredNorm();
 }
 

@@ -24,9 +24,12 @@ struct DriftStep {
 [[nodiscard]] DriftStep drift_step(const Eigen::Vector3d& from, const Matrix6d& P_from,
                                    const Eigen::Vector3d& to, const Matrix6d& P_to);
 
+// Is the way from -> to long enough for landmarks' depths to have been measured over it?
+[[nodiscard]] bool is_depth_baseline(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
+
 // How the share by which odometry has the way from -> to too short changes with the position error
 // at `to`: landmarks' depths that were measured over it, and with them the way between two cameras,
-// are too short by it. Nothing where the way is too short for that.
+// are too short by it. Nothing where no depths are measured over it.
 [[nodiscard]] Eigen::RowVector3d scale_gradient(const Eigen::Vector3d& from,
                                                 const Eigen::Vector3d& to);
 

@@ -89,8 +89,10 @@ std::optional<Normal> solve(const Sightings& sightings, Hypothesis& hypothesis) 
 // which whoever uses the pose sees (DriftObservation); but where there was hardly one, no landmark
 // is surer than what all of them share.
 double shared_depth_sigma(const KeyframeMatch& match, const std::vector<LandmarkMatch>& landmarks) {
-  const Eigen::Vector3d from = match.other_before.T_world_cam.translation();
-  if (!scale_gradient(from, match.other.T_world_cam.translation()).isZero()) return 0;
+  if (is_depth_baseline(match.other_before.T_world_cam.translation(),
+                        match.other.T_world_cam.translation())) {
+    return 0;
+  }
   double least = std::numeric_limits<double>::max();
   for (const LandmarkMatch& landmark : landmarks) {
     least = std::min(least, landmark.inverse_depth_sigma / landmark.inverse_depth);

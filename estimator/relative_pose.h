@@ -35,7 +35,7 @@ struct RelativePose {
   Eigen::Isometry3d T_other_own = Eigen::Isometry3d::Identity();  // camera to camera
   // Of [dp dtheta], both in the other camera's axes: R = Exp(dtheta) R^. What gravity says is not
   // in it: directions that the landmarks leave open are as uncertain as they are. What depths that
-  // were measured without a way (scale_gradient zero) may be wrong together is in it.
+  // were measured without a way (not is_depth_baseline) may be wrong together is in it.
   Matrix6d covariance = Matrix6d::Identity();
   int inliers = 0;
   std::optional<DepthRatio> depth_ratio;
