@@ -298,9 +298,12 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
       levelled(world_of(measurement), measurement.other.T_world_cam.translation());
   drone.world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
   drone.world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
-  DriftOutcome outcome = DriftOutcome::kGated;
-  for (const RelativePose& relative : agreeing) outcome = use(*index, relative);
-  return outcome;
+  bool used = false;
+  for (const RelativePose& relative : agreeing) {
+    used |= use(*index, relative) == DriftOutcome::kUsed;
+  }
+  drone.world.known = used;
+  return used ? DriftOutcome::kUsed : DriftOutcome::kGated;
 }
 
 DriftFilter::UsedPose DriftFilter::to_used(const RelativePose& measurement) {
