@@ -13,6 +13,8 @@ struct Statistics {
   double gyro_deviation = 0, accel_deviation = 0;
 };
 
+constexpr int kMinSamples = 20;  // in the window
+
 Statistics statistics(std::vector<ImuSample>::const_iterator begin,
                       std::vector<ImuSample>::const_iterator end) {
   Statistics result;
@@ -60,6 +62,7 @@ std::variant<InitialState, NotStill> static_initialization(const std::vector<Imu
   const TimeNs begin_ns = samples.back().stamp_ns - nanoseconds(config.window_s);
   auto begin = samples.begin();
   while (begin->stamp_ns < begin_ns) ++begin;
+  if (samples.end() - begin < kMinSamples) return NotStill{"not enough IMU samples yet"};
   const Statistics window = statistics(begin, samples.end());
   if (window.gyro_deviation > config.max_gyro_deviation ||
       window.mean_gyro.norm() > config.max_gyro_bias) {

@@ -3,7 +3,6 @@
 // Where a drone that stands still starts: gravity gives roll and pitch, the gyro shows its bias.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -13,7 +12,7 @@
 namespace covey {
 
 struct StaticInitConfig {
-  double window_s = 0.5;             // s of IMU samples that must be still
+  double window_s = 0.5;             // s of IMU samples that must be still, twenty of them or more
   double max_gyro_deviation = 0.05;  // rad/s, standard deviation over the window
   double max_accel_deviation = 0.6;  // m/s2, the same
   double max_gyro_bias = 0.3;        // rad/s: a steady rotation faster than this is no bias

@@ -174,5 +174,14 @@ TEST(StaticInitialization, RefusesWhatMoves) {
   EXPECT_EQ(std::get<NotStill>(result).reason, "rotating");
 }
 
+TEST(StaticInitialization, WhatAGapLeavesDoesNotShowThatItStandsStill) {
+  std::vector<ImuSample> samples;
+  for (int i = 0; i <= 200; ++i)
+    samples.push_back({nanoseconds(0.005 * i), {0, 0, 0}, {0, 0, 9.81}});
+  samples.push_back({nanoseconds(2.0), {0, 0, 0}, {0, 0, 9.81}});
+  const auto result = static_initialization(samples, {0, 0, 0}, 0, {});
+  EXPECT_TRUE(std::holds_alternative<NotStill>(result));
+}
+
 }  // namespace
 }  // namespace covey
