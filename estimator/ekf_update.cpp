@@ -34,7 +34,7 @@ void EkfUpdate::add(const State& state, const Eigen::Ref<const Eigen::MatrixXd>&
   }
   H_.block(rows_, 0, m, local) = H.leftCols(local);
   r_.segment(rows_, m) = r;
-  blocks_.push_back({rows_, m, local, columns});
+  blocks_.push_back({rows_, m, columns});
   rows_ += m;
 }
 

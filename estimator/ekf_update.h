@@ -44,7 +44,7 @@ class EkfUpdate {
 
  private:
   struct Block {
-    int row, rows, columns_local;
+    int row, rows;
     Columns columns;
   };
   // Adds H P H^T of the block with all rows up to it to the block's rows of S.

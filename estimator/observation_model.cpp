@@ -84,7 +84,6 @@ InverseDepthOfPoint inverse_depth_of_point(const Eigen::Vector3d& p_world, const
   return result;
 }
 
-// The inverse of Cholesky's factor.
 BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing) {
   const double x = bearing.x(), y = bearing.y(), r2 = bearing.squaredNorm();
   BearingByIntrinsics J;
@@ -92,6 +91,7 @@ BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing) {
   return J;
 }
 
+// The inverse of Cholesky's factor.
 Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance) {
   const double l00 = std::sqrt(covariance(0, 0));
   const double l10 = covariance(1, 0) / l00;

@@ -111,7 +111,7 @@ class VisionUpdate {
   // the logarithm of that common depth.
   [[nodiscard]] bool linearize_glimpsed(const State& state, const Track& track, double depth,
                                         GlimpsedPoint& point, Linearized& result);
-  // The same, judged: is its depth known, does it agree with the state?
+  // linearize(), judged: is its depth known, does it agree with the state?
   Outcome examine(const State& state, const Track& track, double max_depth_error,
                   Linearized& result);
   // Medians over the tracks that were stacked: mean squared whitened residual, depth error.

@@ -55,6 +55,12 @@ std::optional<GainOffset> orthogonal_fit(const Moments& m, double ratio) {
   });
 }
 
+double mean_grey(const std::vector<TrackGrey>& tracks) {
+  double sum = 0;
+  for (const TrackGrey& track : tracks) sum += track.grey;
+  return sum / static_cast<double>(tracks.size());
+}
+
 constexpr std::size_t kNearest = 2;  // neighbours of a track it is compared with
 
 // The first kNearest entries are those of tracks[0], and so on; a track without stands for itself.
@@ -160,8 +166,7 @@ GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks,
   assert(is_by_patch(tracks));
   PresentImage present{tracks, nearest_of_each(tracks), {}, field};
   for (const TrackGrey& track : tracks) present.field_here.push_back(field(track.pixel));
-  double middle = 0;  // grey level at which the offsets are averaged
-  for (const TrackGrey& track : tracks) middle += track.grey / static_cast<double>(tracks.size());
+  const double middle = mean_grey(tracks);  // where the offsets are averaged
   double log_gain = 0, level = 0;
   int links = 0;
   const auto spacing = static_cast<std::size_t>(config_.spacing);
@@ -192,8 +197,7 @@ GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, con
                              const GainOffset& anchor) {
   GainOffset map = estimate(tracks, field);
   if (last_ns_ != 0 && !tracks.empty()) {
-    const double middle_grey = tracks[tracks.size() / 2].grey;
-    map = relaxed(map, anchor, middle_grey, seconds_between(last_ns_, stamp_ns));
+    map = relaxed(map, anchor, mean_grey(tracks), seconds_between(last_ns_, stamp_ns));
   }
   last_ns_ = stamp_ns;
   latest_ = map;
