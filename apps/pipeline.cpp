@@ -124,6 +124,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
 
   ++status_.frames;
   status_.stamp_ns = stamp_ns;
+  if (collaborator_) collaborator_->set_time(stamp_ns);
   const Eigen::Quaterniond q_scene_now = turned_since_scene(stamp_ns);
   const Eigen::Matrix3d R_cam_previous = predicted_rotation(q_scene_now);
   const cv::Mat grey = prepared(stamp_ns, pixels, R_cam_previous, result);

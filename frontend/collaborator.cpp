@@ -34,6 +34,12 @@ void check(const CollaboratorConfig& config, const Vocabulary& vocabulary,
           "need matching.max_relative_sigma > 0 and matching.sigma_px >= 0");
 }
 
+// With what this drone has seen: it was an answer to it, and well formed.
+bool was_compared(NoMatchReason reason) {
+  return reason != NoMatchReason::kNotForUs && reason != NoMatchReason::kMalformed &&
+         reason != NoMatchReason::kUnknownRequest;
+}
+
 // The paper's drones know places by its VLAD and answer whatever they know.
 CollaboratorConfig for_exchange(CollaboratorConfig config) {
   // The paper does not tell its threshold. As high as leaves answers in the yard: they are large.
@@ -166,8 +172,7 @@ void Collaborator::suppose_world(const std::string& peer, const Eigen::Isometry3
   matcher_.suppose_world(peer, T_own_peer);
 }
 
-bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) {
-  now_ns_ = stamp_ns;
+bool Collaborator::wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) const {
   const Keyframe* last = database_.last();
   return !last ||
          is_keyframe(config_.keyframe, last->pose, stamp_ns, T_world_cam, last->mean_depth);
@@ -506,7 +511,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
   std::variant<KeyframeMatch, NoMatch> result = find_matches(message);
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
-    if (!message.described) corners_told_ns_.reset();
+    if (was_compared(none->reason) && !message.described) corners_told_ns_.reset();
     remember_for_later(message, none->reason);
   } else {
     const auto& match = std::get<KeyframeMatch>(result);

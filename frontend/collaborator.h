@@ -4,9 +4,10 @@
 // asked, what is answered, and which of a peer's landmarks are points that this drone tracks as
 // well.
 //
-//   if (collaborator.wants_keyframe(stamp, T_world_cam)) {             // every image
+//   collaborator.set_time(stamp);                                      // every image
+//   if (collaborator.wants_keyframe(stamp, T_world_cam)) {
 //     tracker.describe(frame);
-//     advert = collaborator.add_keyframe(frame, pose, depths);
+//     advert = collaborator.add_keyframe(frame, image, pose, covariance, depths);
 //     if (collaborator.wants_to_ask()) broadcast(collaborator.question(advert));
 //     for (auto& match : collaborator.revisit()) ...                    // KeyframeMatch -> filter
 //   }
@@ -120,8 +121,11 @@ class Collaborator {
   // As known by now: what is seen from here on is computed with them.
   void set_intrinsics(const CameraIntrinsics& camera);
 
-  // PTAM rule. Call once per image: it also tells the time by which answers are limited.
-  [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam);
+  // Of the newest image, whatever it shows: answers are limited by it.
+  void set_time(TimeNs stamp_ns) { now_ns_ = stamp_ns; }
+
+  // PTAM rule.
+  [[nodiscard]] bool wants_keyframe(TimeNs stamp_ns, const Eigen::Isometry3d& T_world_cam) const;
 
   // Features without descriptor are left out. `image`: as it was tracked; without levels no patches
   // are cut and none are looked for. `covariance`: of the pose, as in KeyframePose.

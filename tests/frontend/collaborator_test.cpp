@@ -55,7 +55,7 @@ PlaceAdvert look(Collaborator& drone, const Scene& scene, const Eigen::Isometry3
                  double seconds, std::uint64_t first_id) {
   const TimeNs stamp_ns = nanoseconds(seconds);
   const auto seed = static_cast<unsigned>(first_id);
-  (void)drone.wants_keyframe(stamp_ns, T_world_cam);
+  drone.set_time(stamp_ns);
   return drone.add_keyframe(view(scene, T_world_cam, stamp_ns, first_id, {}, seed + 1), {},
                             T_world_cam, pose_covariance(),
                             depths(scene, T_world_cam, first_id, 0.003, seed));
@@ -244,7 +244,7 @@ TEST(Collaborator, OnlyLandmarksOfKnownDepthAreSent) {
   known.resize(30);
   known[0].inverse_depth_sigma = known[0].inverse_depth;
   known[1].inverse_depth = std::nan("");  // a filter in trouble
-  (void)drone.wants_keyframe(nanoseconds(1), T_world_cam);
+  drone.set_time(nanoseconds(1));
   PlaceAdvert advert = drone.add_keyframe(frame, {}, T_world_cam, pose_covariance(), known);
   advert.sender = "uav0";
   const std::optional<PeerKeyframe> answer = drone.answer(advert);
@@ -274,7 +274,7 @@ TEST(Collaborator, AnswersWithTheKeyframeThatKnowsTheLandmarks) {
   const Eigen::Isometry3d T_world_cam = level_camera({0, 0, 0});
   auto few = depths(scene, T_world_cam, kOwnIds, 0.003, 2);
   few.resize(10);
-  (void)drone.wants_keyframe(nanoseconds(2), T_world_cam);
+  drone.set_time(nanoseconds(2));
   PlaceAdvert advert = drone.add_keyframe(view(scene, T_world_cam, nanoseconds(2), kOwnIds, {}, 3),
                                           {}, T_world_cam, pose_covariance(), few);
   advert.sender = "uav0";
@@ -373,7 +373,7 @@ TEST(Collaborator, SamePeerGetsTheSameKeyframeAgainOnlyLater) {
   Team team;
   EXPECT_TRUE(team.uav1.answer(team.advert).has_value());
   const auto at = [&](double seconds) {
-    (void)team.uav1.wants_keyframe(nanoseconds(seconds), level_camera({0, 0, 0}));
+    team.uav1.set_time(nanoseconds(seconds));
     return team.uav1.answer(team.advert).has_value();
   };
   EXPECT_FALSE(at(1.4)) << "peers are answered twice a second";
@@ -442,7 +442,7 @@ TEST(Collaborator, AnswersByLooksAloneWhileTheAskersWorldIsNotKnown) {
   PlaceAdvert advert = team.advert;
   advert.view.T_world_cam = aside * advert.view.T_world_cam;
   const auto answers = [&](double seconds) {
-    (void)uav1.wants_keyframe(nanoseconds(seconds), team.looked_at);
+    uav1.set_time(nanoseconds(seconds));
     return uav1.answer(advert).has_value();
   };
   EXPECT_TRUE(answers(5));

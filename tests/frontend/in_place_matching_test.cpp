@@ -55,7 +55,7 @@ PlaceAdvert look(Collaborator& drone, const SlantedPlane& wall, const cv::Mat& i
       frame.features.push_back(feature);
     }
   }
-  (void)drone.wants_keyframe(frame.stamp_ns, T_world_cam);
+  drone.set_time(frame.stamp_ns);
   return drone.add_keyframe(frame, build_pyramid(image, 3), T_world_cam,
                             1e-4 * Matrix6d::Identity(), depths);
 }
