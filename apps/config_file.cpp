@@ -78,12 +78,13 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
   config = merged;
 }
 
-EstimatorConfig calibrating_estimator() {
+EstimatorConfig estimator_in_flight() {
   EstimatorConfig config;
   config.calibrate_extrinsics = config.calibrate_time_offset = config.calibrate_intrinsics = true;
   // Of a careful calibration: what a short flight shows of the extrinsics is worth little more.
   config.extrinsics_sigma_m = 0.001;
   config.extrinsics_sigma_rad = 0.05 * M_PI / 180;
+  config.imu_noise_scale = 2;
   return config;
 }
 

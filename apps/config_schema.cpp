@@ -66,6 +66,8 @@ void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("pixel_lag_wander", thermal.pixel_lag.wander, {0, 1}, "[s/sqrt(s)] of the estimate");
   v.number("aligned_scale", thermal.aligned_scale, {0, 1000},
            "as tracker.aligned_scale, for thermal cameras");
+  v.number("imu_noise_scale", thermal.imu_noise_scale, {1e-3, 1e3},
+           "as estimator.imu_noise_scale, for thermal cameras");
 }
 
 void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
@@ -210,6 +212,8 @@ void visit_outliers(TrackerConfig& tracker, ConfigVisitor& v) {
 }
 
 void visit_estimator(EstimatorConfig& estimator, ConfigVisitor& v) {
+  v.number("imu_noise_scale", estimator.imu_noise_scale, {1e-3, 1e3},
+           "times the noise densities of sensor.yaml, which are those of a data sheet");
   v.number("gravity", estimator.gravity, {0, 30}, "[m/s2]");
   v.number("max_imu_gap_s", estimator.max_imu_gap_s, {1e-3, 10}, "[s] longer ones are counted");
   v.number("max_gyro", estimator.max_gyro, {0.1, 1e3}, "[rad/s] a sample beyond is refused");

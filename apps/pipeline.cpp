@@ -21,6 +21,7 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   estimator.imu_noise = sensors.imu_noise;
   estimator.extrinsics = sensors.extrinsics;
   estimator.slam_noise_scale = config.tracker.lasting_scale;
+  if (sensors.thermal) estimator.imu_noise_scale = config.thermal.imu_noise_scale;
   if (sensors.thermal && sensors.extrinsics.time_offset_s == 0) {
     estimator.extrinsics.time_offset_s = -config.thermal.time_constant_s;
   }
@@ -109,8 +110,7 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
 }
 
 void Pipeline::add_imu(const ImuSample& sample) {
-  recent_imu_.push_back(sample);
-  estimator_.add_imu(sample);
+  if (estimator_.add_imu(sample)) recent_imu_.push_back(sample);
 }
 
 TimeNs Pipeline::imu_moment(TimeNs image_stamp_ns) const {

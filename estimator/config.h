@@ -15,6 +15,11 @@ struct ImuNoise {
   double accel_density = 2.0e-3;      // m/s2/sqrt(Hz)
   double gyro_random_walk = 2.0e-5;   // rad/s2/sqrt(Hz)
   double accel_random_walk = 3.0e-3;  // m/s3/sqrt(Hz)
+  // Between samples farther apart than that acceleration and rate wander (Brownian bridges): a
+  // drone that manoeuvres changes them by 2 m/s2 and 1 rad/s in half a second.
+  double max_gap_s = 0.05;
+  double accel_wander = 3.0;  // m/s2/sqrt(s)
+  double gyro_wander = 1.5;   // rad/s/sqrt(s)
 };
 
 // Camera-to-IMU calibration: x_imu = T_imu_cam * x_cam; t_imu = t_image + time_offset_s.
@@ -27,8 +32,11 @@ struct CameraExtrinsics {
 struct EstimatorConfig {
   ImuNoise imu_noise;
   CameraExtrinsics extrinsics;
+  // Times the densities of imu_noise. An IMU in flight is noisier than its data sheet says, and the
+  // filter's other errors, which nothing else stands for, are best taken for its noise.
+  double imu_noise_scale = 1.0;
   double gravity = 9.81;        // m/s2
-  double max_imu_gap_s = 0.05;  // longer ones are bridged and counted
+  double max_imu_gap_s = 0.05;  // longer ones are bridged and counted; imu_noise.max_gap_s is this
   double max_gyro = 35.0;       // rad/s; a sample beyond is refused
   double max_accel = 200.0;     // m/s2; a sample beyond is refused
 

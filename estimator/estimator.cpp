@@ -85,9 +85,11 @@ double metric_depth_error(const State& state, int landmark) {
   return std::sqrt(P(rho, rho) / (value * value) - 2 * P(rho, scale) / value + P(scale, scale));
 }
 
+// Of inverse depths, relative: from then on first estimates are kept.
 constexpr double kDepthsKnown = 0.01;
 // Of the visual scale, until it is made part of the state's again.
 constexpr double kScaleDrift = 0.01;
+
 std::optional<double> median_depth_error(const State& state) {
   std::vector<double> errors;
   errors.reserve(state.landmarks().size());
@@ -98,16 +100,24 @@ std::optional<double> median_depth_error(const State& state) {
   return median(std::move(errors));
 }
 
+EstimatorConfig with_noise_in_flight(EstimatorConfig config) {
+  config.imu_noise.gyro_density *= config.imu_noise_scale;
+  config.imu_noise.accel_density *= config.imu_noise_scale;
+  config.imu_noise.max_gap_s = config.max_imu_gap_s;
+  return config;
+}
+
 }  // namespace
 
 struct Estimator::Impl {
   Impl(const EstimatorConfig& configuration, StageClock stage_clock)
-      : config(configuration), clock(stage_clock), gate_peer(0.95) {}
+      : config(with_noise_in_flight(configuration)), clock(stage_clock), gate_peer(0.95) {}
 
   double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
   void start(const State& initial);
   std::vector<ImuSample> propagate(TimeNs stamp_ns, UpdateReport& report);
-  bool becomes_keyframe(const TrackList& tracks) const;
+  bool is_newest(TimeNs image_stamp_ns) const;
+  bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
   // What is told of the motion.
   const State& told() const { return glimpsed ? glimpsed->state : *state; }
@@ -124,7 +134,7 @@ struct Estimator::Impl {
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void apply(Remedy remedy, UpdateReport& report);
   void look_again(UpdateReport& report);
-  void end_waiting(UpdateReport& report);
+  void end_waiting(TimeNs image_stamp_ns, UpdateReport& report);
   void restart(UpdateReport& report);
 
   EstimatorConfig config;
@@ -181,15 +191,20 @@ std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport&
   return interval;
 }
 
-bool Estimator::Impl::becomes_keyframe(const TrackList& tracks) const {
+// Of the images that have come so far, by their own clock.
+bool Estimator::Impl::is_newest(TimeNs image_stamp_ns) const {
+  return state->clones().empty() || image_stamp_ns > state->clones().back().stamp_ns;
+}
+
+bool Estimator::Impl::becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const {
   const int last = state->find_clone(reference_id);
   if (last < 0) return true;
   const CameraPose reference_camera =
       camera_pose(state->clones()[static_cast<std::size_t>(last)].pose, state->extrinsics());
   const CameraPose present_camera = camera_pose(state->imu().pose, state->extrinsics());
   const ViewChange change = compare_views(reference, reference_camera, tracks, present_camera);
-  const double age = seconds_between(state->clones()[static_cast<std::size_t>(last)].stamp_ns,
-                                     state->imu().stamp_ns);
+  const double age =
+      seconds_between(state->clones()[static_cast<std::size_t>(last)].stamp_ns, image_stamp_ns);
   return is_new_view(config, change, age);
 }
 
@@ -451,9 +466,9 @@ void Estimator::Impl::look_again(UpdateReport& report) {
 }
 
 // What was seen too long ago is not waited for any more.
-void Estimator::Impl::end_waiting(UpdateReport& report) {
+void Estimator::Impl::end_waiting(TimeNs image_stamp_ns, UpdateReport& report) {
   if (state->clones().empty()) return;
-  const double unseen_s = seconds_between(state->clones().back().stamp_ns, state->imu().stamp_ns);
+  const double unseen_s = seconds_between(state->clones().back().stamp_ns, image_stamp_ns);
   if (unseen_s <= kLandmarksWait_s) return;
   look_again(report);
   store.forget_all_observations();
@@ -479,13 +494,13 @@ void Estimator::initialize(const InitialState& start) {
 
 bool Estimator::initialized() const { return impl_->state.has_value(); }
 
-void Estimator::add_imu(const ImuSample& sample) {
+bool Estimator::add_imu(const ImuSample& sample) {
   switch (impl_->imu.add(sample, impl_->config.max_gyro, impl_->config.max_accel)) {
     case ImuBuffer::Added::kYes:
       if (!initialized()) {
         impl_->imu.forget_before(sample.stamp_ns - nanoseconds(kStartHistory_s));
       }
-      break;
+      return true;
     case ImuBuffer::Added::kOutOfOrder:
       ++impl_->pending.out_of_order;
       break;
@@ -493,6 +508,7 @@ void Estimator::add_imu(const ImuSample& sample) {
       ++impl_->pending.imu_rejected;
       break;
   }
+  return false;
 }
 
 UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
@@ -503,14 +519,18 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   const double start = self.now_ms();
   const TimeNs stamp_ns =
       measurement.stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
+  if (!self.is_newest(measurement.stamp_ns)) {
+    self.refuse_image(stamp_ns, report);
+    return report;
+  }
   const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
-  const bool at_start = stamp_ns == self.state->imu().stamp_ns;
-  if (interval.empty() && !(at_start && self.state->clones().empty())) {
+  const bool at_start = stamp_ns == self.state->imu().stamp_ns && self.state->clones().empty();
+  if (interval.empty() && !at_start) {
     self.refuse_image(stamp_ns, report);
     return report;
   }
   report.propagated = true;
-  self.end_waiting(report);
+  self.end_waiting(measurement.stamp_ns, report);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
   if (self.config.zero_velocity_updates && !interval.empty() &&
@@ -521,7 +541,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
         update_zero_velocity(*self.state, *self.still_update, interval, self.config);
     if (report.zero_velocity) self.glimpsed.reset();
   }
-  const bool keyframe = self.becomes_keyframe(tracks);
+  const bool keyframe = self.becomes_keyframe(measurement.stamp_ns, tracks);
   const Eigen::Vector3d rate =
       interval.empty() ? Eigen::Vector3d::Zero().eval()
                        : (interval.back().gyro_imu - self.state->imu().gyro_bias).eval();
@@ -556,7 +576,7 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   report.propagated = !interval.empty();
   if (report.propagated) {
     self.health.pass(stamp_ns, interval, self.config);
-    self.end_waiting(report);
+    self.end_waiting(image_stamp_ns, report);
   } else {
     self.refuse_image(stamp_ns, report);
   }

@@ -72,8 +72,9 @@ class Estimator {
   void initialize(const InitialState& start);
   [[nodiscard]] bool initialized() const;
 
-  // IMU samples in time order, up to and a little past the next image.
-  void add_imu(const ImuSample& sample);
+  // IMU samples in time order, up to and a little past the next image. False, and counted, for one
+  // that is not finite, beyond the limits, or not newer than the last one.
+  bool add_imu(const ImuSample& sample);
 
   // Propagates to the image, clones, updates, marginalises.
   UpdateReport add_camera(const CameraMeasurement& measurement);

@@ -39,6 +39,19 @@ void propagate_covariance(ImuIncrement& sum, const Step& step, const Eigen::Matr
   sum.covariance.block<3, 3>(6, 6) += gyro * dt * I;
 }
 
+// What the integrals of a Brownian bridge add, which is what the motion does in a gap.
+void add_wander(ImuIncrement& sum, double dt, const ImuNoise& noise) {
+  const double accel = noise.accel_wander * noise.accel_wander;
+  const double gyro = noise.gyro_wander * noise.gyro_wander;
+  const double dt3 = dt * dt * dt;
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  sum.covariance.block<3, 3>(0, 0) += accel * dt3 * dt * dt / 45 * I;
+  sum.covariance.block<3, 3>(0, 3) += accel * dt3 * dt / 24 * I;
+  sum.covariance.block<3, 3>(3, 0) += accel * dt3 * dt / 24 * I;
+  sum.covariance.block<3, 3>(3, 3) += accel * dt3 / 12 * I;
+  sum.covariance.block<3, 3>(6, 6) += gyro * dt3 / 12 * I;
+}
+
 void add_step(ImuIncrement& sum, const Step& step, const ImuNoise& noise) {
   const double dt = step.dt_s;
   const Eigen::Vector3d angle = step.rate * dt;
@@ -46,6 +59,7 @@ void add_step(ImuIncrement& sum, const Step& step, const ImuNoise& noise) {
   const Eigen::Matrix3d R_step = exp_so3(angle);
   const Eigen::Matrix3d R_end = R_start * R_step;
   propagate_covariance(sum, step, R_start, R_step, noise);
+  if (dt > noise.max_gap_s) add_wander(sum, dt, noise);
 
   // Derivatives of the rotated forces at both ends by the gyro bias.
   const Eigen::Matrix3d J_rotation_end =

@@ -59,6 +59,23 @@ TEST(Estimator, ImuFromBeforeImagesThatShowNothingIsForgotten) {
       << "what would fill it is no longer there";
 }
 
+TEST(Estimator, TheImuIsAsNoisyAsItIsSaidToBeInFlight) {
+  const auto covariance_with = [](double density_factor, double scale) {
+    EstimatorConfig config;
+    config.imu_noise.gyro_density *= density_factor;
+    config.imu_noise.accel_density *= density_factor;
+    config.imu_noise_scale = scale;
+    Estimator estimator(config);
+    estimator.initialize(start_at(0));
+    add_still_imu(estimator, 0, 2);
+    (void)estimator.pass_image(nanoseconds(2));
+    return estimator.odometry().pose_covariance;
+  };
+  const Matrix6d told = covariance_with(2, 1);
+  EXPECT_TRUE(covariance_with(1, 2).isApprox(told));
+  EXPECT_FALSE(covariance_with(1, 1).isApprox(told));
+}
+
 TEST(Estimator, WithoutImuItDoesNotClaimToTrack) {
   Estimator estimator(EstimatorConfig{});
   estimator.initialize(start_at(0));
