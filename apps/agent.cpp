@@ -36,7 +36,6 @@ Dataset recording_of(const AgentSettings& agent) {
 }
 
 fs::path make_folder(const AgentSettings& agent) {
-  if (agent.out.empty()) throw std::runtime_error("agent.out says no folder");
   std::error_code error;
   fs::create_directories(agent.out, error);
   if (error) throw std::runtime_error(agent.out + ": cannot be made: " + error.message());
@@ -99,9 +98,9 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
 
 std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t>(count); }
 
-// Before anything of an earlier flight is taken away.
 const AgentConfig& checked(const AgentConfig& config) {
   require_possible(config);
+  if (config.agent.out.empty()) throw std::runtime_error("agent.out says no folder");
   return config;
 }
 
@@ -135,13 +134,13 @@ Agent::Agent(const AgentConfig& config, Dataset sensors, OnboardLink& onboard)
 Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
     : config_(config),
       dataset_(std::move(dataset)),
-      folder_(make_folder(config.agent)),
-      status_file_(folder_ / kAgentStatusFile),
       pipeline_(config,
                 {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
                 std::exchange(dataset_.ground_truth, std::nullopt)),
       link_(open_link(config)),
       onboard_(onboard),
+      folder_(make_folder(config.agent)),
+      status_file_(folder_ / kAgentStatusFile),
       odometry_file_(folder_),
       timing_file_(folder_),
       link_file_(folder_),

@@ -119,13 +119,13 @@ class Agent {
 
   AgentConfig config_;
   Dataset dataset_;
-  // Once there is something to fly: who looks at it meanwhile shall not take an earlier flight for
-  // this one.
-  std::filesystem::path folder_;
-  StatusFile status_file_;
   Pipeline pipeline_;
   std::unique_ptr<Link> link_;      // none when flown alone
   OnboardLink* onboard_ = nullptr;  // of a live flight
+  // Once all that it takes to fly is there: what a start that fails finds of an earlier flight
+  // stays.
+  std::filesystem::path folder_;
+  StatusFile status_file_;
   OdometryWriter odometry_file_;
   TimingWriter timing_file_;
   LinkWriter link_file_;

@@ -103,9 +103,6 @@ std::size_t fly_until(Agent& agent, std::size_t next, TimeNs until_ns, Control& 
 }
 
 bool fly_in_lockstep(Agent& agent, Control& control) {
-  if (!control.has_team()) {
-    throw std::runtime_error("pace 'lockstep' needs a team; use 'max' or 'rate' alone");
-  }
   std::size_t next = 0;
   while (const auto command = control.next()) {
     if (std::holds_alternative<FinishCommand>(*command)) return true;
@@ -275,6 +272,15 @@ bool meet_peers(Agent& agent, Control& control) {
   return control.goes_on();
 }
 
+bool fly_recording(const AgentConfig& config, Control& control) {
+  Agent agent(config);
+  for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
+  control.say(ready_reply(agent.images()));
+  const bool complete = meet_peers(agent, control) && fly(agent, control);
+  agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
+  return complete;
+}
+
 }  // namespace
 
 bool run_agent(const AgentConfig& config, std::optional<int> control_fd) {
@@ -282,13 +288,16 @@ bool run_agent(const AgentConfig& config, std::optional<int> control_fd) {
     if (control_fd) throw std::runtime_error("pace 'live' flies no recording, as teams do");
     return run_live_agent(config);
   }
+  if (config.agent.pace == Pace::kLockstep && !control_fd)
+    throw std::runtime_error("pace 'lockstep' needs a team; use 'max' or 'rate' alone");
   Control control(control_fd);
-  Agent agent(config);
-  for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
-  control.say(ready_reply(agent.images()));
-  const bool complete = meet_peers(agent, control) && fly(agent, control);
-  agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
-  return complete;
+  try {
+    return fly_recording(config, control);
+  } catch (const std::exception& error) {
+    if (!control.has_team()) throw;
+    control.say(FailedReply{error.what()});
+    return false;
+  }
 }
 
 }  // namespace covey

@@ -53,6 +53,7 @@ Json message(const AdvancedReply& r) {
           {"messages_sent_to", r.messages_sent_to},
           {"memory_mib", r.memory_mib}};
 }
+Json message(const FailedReply& r) { return {{"is", "failed"}, {"why", r.why}}; }
 
 Command command_from(const Json& json) {
   const auto& kind = json.at("do").get_ref<const std::string&>();
@@ -85,6 +86,7 @@ Reply reply_from(const Json& json) {
                          json.at("messages_sent_to").get<std::map<std::string, std::uint64_t>>(),
                          json.at("memory_mib").get<double>()};
   }
+  if (kind == "failed") return FailedReply{json.at("why").get<std::string>()};
   throw std::runtime_error("unknown reply '" + kind + "'");
 }
 

@@ -10,7 +10,8 @@
 //   agent -> team   advanced  what was sent so far, to whom
 // Everybody has taken what earlier steps sent before anybody sends more: which message meets which
 // image depends on the recording alone, not on the machine. It ends with `finish`. Other paces need
-// one `go`, and end by themselves. An agent whose team has gone (end of file) stops.
+// one `go`, and end by themselves. An agent that cannot start or go on says `failed` and ends; one
+// whose team has gone (end of file) stops.
 #pragma once
 
 #include <chrono>
@@ -62,7 +63,10 @@ struct AdvancedReply {
   std::map<std::string, std::uint64_t> messages_sent_to;
   double memory_mib = 0;  // own memory of the drone and its link's process; in signs of progress
 };
-using Reply = std::variant<ReadyReply, MetReply, ReceivedReply, AdvancedReply>;
+struct FailedReply {
+  std::string why;
+};
+using Reply = std::variant<ReadyReply, MetReply, ReceivedReply, AdvancedReply, FailedReply>;
 
 [[nodiscard]] std::string encode(const Command& command);
 [[nodiscard]] std::string encode(const Reply& reply);

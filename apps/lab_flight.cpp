@@ -36,6 +36,7 @@ struct Member {
   std::unique_ptr<ChildProcess> process;
   Phase phase = Phase::kStarting;
   bool met = false;
+  std::string failure;  // as it has told it itself
   ReadyReply ready;
   double ready_ms = 0, met_ms = 0, last_sign_ms = 0;
   TimeNs reached_ns = 0;
@@ -243,6 +244,8 @@ void LabFlight::accept(std::size_t drone, const Reply& reply) {
     member.last_sign_ms = now_ms;
     result_.memory.push_back(
         {member.config.agent.name, (now_ms - result_.start_ms) * 1e-3, advanced->memory_mib});
+  } else if (const auto* failed = std::get_if<FailedReply>(&reply)) {
+    member.failure = failed->why;
   }
 }
 
@@ -259,11 +262,12 @@ void LabFlight::ask_to_meet(std::size_t drone) {
 void LabFlight::bury(std::size_t drone) {
   Member& member = members_[drone];
   member.phase = Phase::kEnded;
-  const std::string why = member.process->ended(kFinishPatience).value_or("hangs");
+  const std::optional<std::string> end = member.process->ended(kFinishPatience);
+  const std::string why = member.failure.empty() ? end.value_or("hangs") : member.failure;
   if (stop_requested()) return;
   if (!flying_) {
-    throw std::runtime_error(member.config.agent.name + " could not start: its process " +
-                             (why.empty() ? "ended" : why));
+    throw std::runtime_error(member.config.agent.name +
+                             " could not start: " + (why.empty() ? "its process ended" : why));
   }
   if (!why.empty()) result_.flight.ended_early.emplace(member.config.agent.name, why);
 }

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -17,6 +16,7 @@
 #include "apps/free_domain.h"
 #include "apps/process_usage.h"
 #include "apps/stop_signal.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -37,6 +37,7 @@ struct Member {
   ChildProcess process;
   bool alive = true;
   bool replied = false;  // to what was asked last
+  std::string failure;   // as it has told it itself
   ReadyReply ready;
   AdvancedReply sent;  // so far
   ArrivalCounts expected, arrived, written_off;
@@ -45,10 +46,8 @@ struct Member {
 AgentConfig write_agent_config(const TeamOptions& options, const DroneFolder& drone, int domain) {
   AgentConfig config = agent_config(options, drone, domain);
   std::filesystem::create_directories(config.agent.out);
-  const auto file = std::filesystem::path(config.agent.out) / kAgentConfigFile;
-  std::ofstream stream(file);
-  stream << print_config(config);
-  if (!stream.flush()) throw std::runtime_error(file.string() + ": cannot be written");
+  write_whole_file(std::filesystem::path(config.agent.out) / kAgentConfigFile,
+                   print_config(config));
   return config;
 }
 
@@ -67,6 +66,10 @@ class TeamFlight {
   FlightResult run() {
     start();
     if (!stop_requested()) meet();
+    if (stop_requested()) {
+      end_all();
+      throw std::runtime_error("interrupted before the drones flew");
+    }
     start_ms_ = steady_ms();
     if (options_.mode == FlightMode::kCollaborative && options_.pace == Pace::kLockstep) {
       fly_in_lockstep();
@@ -273,16 +276,18 @@ void TeamFlight::accept(Member& member, const Reply& reply) {
     member.sent = *advanced;
     member.replied = advanced->done;
   }
+  } else if (const auto* failed = std::get_if<FailedReply>(&reply)) {
+    member.failure = failed->why;
 }
 
 // Its process has ended or is about to.
 void TeamFlight::bury(Member& member) {
   member.alive = false;
   const std::optional<std::string> end = member.process.ended(kFinishPatience);
-  const std::string why = end.value_or("hangs");
+  const std::string why = member.failure.empty() ? end.value_or("hangs") : member.failure;
   if (starting_ && !stop_requested()) {
-    throw std::runtime_error(member.name + " could not start: its process " +
-                             (why.empty() ? "ended" : why));
+    throw std::runtime_error(member.name +
+                             " could not start: " + (why.empty() ? "its process ended" : why));
   }
   // After a stop all of them end early: that is no news.
   if (!why.empty() && !stop_requested()) result_.ended_early.emplace(member.name, why);

@@ -45,8 +45,9 @@ struct FlightResult {
 [[nodiscard]] AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone,
                                        int domain);
 
-// Throws std::runtime_error when a drone cannot start. One that ends later is reported in the
-// result, and the others go on. Ctrl-C stops all of them in good order.
+// Throws std::runtime_error when a drone cannot start, or on Ctrl-C before they fly; `on_progress`
+// is called from when they do. One that ends later is reported in the result, and the others go on;
+// Ctrl-C then stops all of them in good order.
 [[nodiscard]] FlightResult fly_team(const TeamOptions& options,
                                     const std::function<void(const FlightProgress&)>& on_progress);
 

@@ -16,9 +16,11 @@
 #include <vector>
 
 #include "apps/agent.h"
+#include "apps/config_json.h"
 #include "apps/json_file.h"
 #include "apps/process_usage.h"
 #include "apps/report.h"
+#include "apps/run_folder.h"
 #include "apps/stop_signal.h"
 #include "apps/team.h"
 #include "apps/team_summary.h"
@@ -34,12 +36,6 @@ struct Options {
   std::vector<std::string> agents;
   bool force = false, with_solo = false, unknown_start = false;
 };
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string line;
-  for (const std::string& word : words) line += (line.empty() ? "" : ", ") + word;
-  return line;
-}
 
 std::vector<DroneFolder> chosen_drones(const Options& options) {
   const std::vector<DroneFolder> all = find_drones(options.dataset);
@@ -58,7 +54,7 @@ std::vector<DroneFolder> chosen_drones(const Options& options) {
       names.reserve(all.size());
       for (const DroneFolder& drone : all) names.push_back(drone.name);
       throw std::runtime_error("no drone '" + name + "' in " + options.dataset + " (there are " +
-                               joined(names) + ")");
+                               join(names, ", ") + ")");
     }
   }
   return chosen;
@@ -89,7 +85,7 @@ void warn_of_one_start(const TeamOptions& team) {
   spdlog::warn(
       "{}: no ground truth, so taken to start where section initialisation says, one like the "
       "other; where that is not so fly with --unknown-start",
-      joined(names));
+      join(names, ", "));
 }
 
 void choose_pace(const std::string& pace, TeamOptions& team) {
@@ -117,38 +113,6 @@ fs::path default_run(const Options& options) {
   char stamp[32];
   std::strftime(stamp, sizeof(stamp), "%Y%m%d-%H%M%S", &local);
   return fs::path("runs") / (dataset_name(options.dataset) + "-" + options.mode + "-" + stamp);
-}
-
-// Only what an earlier run wrote is taken away.
-void clear_run(const fs::path& run) {
-  fs::remove(run / "summary.json");
-  fs::remove(run / "report.html");
-  for (const auto& entry : fs::directory_iterator(run)) {
-    if (!entry.is_directory() || !fs::exists(entry.path() / kAgentConfigFile)) continue;
-    for (const char* name : kRunFiles) fs::remove(entry.path() / name);
-    for (const char* name : {kAgentConfigFile, kAgentSummaryFile, kAgentStatusFile})
-      fs::remove(entry.path() / name);
-    if (fs::is_empty(entry.path())) fs::remove(entry.path());
-  }
-}
-
-void prepare_run(const fs::path& run, bool force) {
-  if (fs::exists(run) && !fs::is_directory(run)) {
-    throw std::runtime_error(run.string() + " is not a folder");
-  }
-  if (fs::exists(run) && !fs::is_empty(run)) {
-    if (!force) {
-      throw std::runtime_error(run.string() +
-                               " is not empty: choose another folder, or --force to replace it");
-    }
-    clear_run(run);
-    const fs::path solo = run / kSoloFolder;
-    if (fs::is_directory(solo)) {
-      clear_run(solo);
-      if (fs::is_empty(solo)) fs::remove(solo);
-    }
-  }
-  fs::create_directories(run);
 }
 
 TeamOptions team_options(const Options& options) {
@@ -215,12 +179,16 @@ struct Flown {
   RunSummary summary;
 };
 
-Flown fly(const TeamOptions& team, const Options& options) {
+// What the folder held before comes back if nobody flies.
+Flown fly(const TeamOptions& team, const Options& options, RunFolder& folder) {
   fs::create_directories(team.out);
   Flown flown;
   {
     ProgressLine line(team.mode == FlightMode::kSolo ? "alone" : "together");
-    flown.flight = fly_team(team, [&line](const FlightProgress& p) { line.show(p); });
+    flown.flight = fly_team(team, [&](const FlightProgress& progress) {
+      folder.keep();
+      line.show(progress);
+    });
   }
   flown.summary = summarize_team(team, flown.flight, dataset_name(options.dataset));
   return flown;
@@ -235,7 +203,7 @@ void fail_if_incomplete(const FlightResult& flight, const fs::path& run) {
   for (const auto& [name, why] : flight.ended_early) {
     who.push_back(std::string(name).append(" ").append(why));
   }
-  throw std::runtime_error(joined(who) + "; the results of the others are in " + run.string());
+  throw std::runtime_error(join(who, ", ") + "; the results of the others are in " + run.string());
 }
 
 void fail_if_none_started(const RunSummary& run) {
@@ -248,18 +216,18 @@ void fail_if_none_started(const RunSummary& run) {
 
 void run(const Options& options) {
   const TeamOptions team = team_options(options);
-  prepare_run(team.out, options.force);
   catch_stop_signals();
+  RunFolder folder(team.out, options.force);
 
   std::optional<Flown> alone;
   if (options.with_solo && team.mode == FlightMode::kCollaborative) {
     TeamOptions solo = team;
     solo.mode = FlightMode::kSolo;
     solo.out = team.out / kSoloFolder;
-    alone = fly(solo, options);
+    alone = fly(solo, options, folder);
     fail_if_incomplete(alone->flight, solo.out);
   }
-  const Flown flown = fly(team, options);
+  const Flown flown = fly(team, options, folder);
   std::printf("%s", team_table(flown.summary, alone ? &alone->summary : nullptr).c_str());
   if (flown.summary.real_time_factor) {
     std::printf("%.1f times real time\n", *flown.summary.real_time_factor);

@@ -43,6 +43,8 @@ TEST(ControlChannel, CommandsAndRepliesSurviveTheWire) {
   EXPECT_EQ(reply.requests_sent, 5U);
   EXPECT_EQ(reply.messages_sent_to, advanced.messages_sent_to);
   EXPECT_EQ(reply.memory_mib, 61.5);
+  const auto failed = std::get<FailedReply>(decode_reply(encode(Reply{FailedReply{"no words"}})));
+  EXPECT_EQ(failed.why, "no words");
 }
 
 TEST(ControlChannel, AnythingElseIsRefused) {
@@ -174,6 +176,26 @@ TEST(Agent, SaysInOneLineWhatIsMissing) {
   EXPECT_EQ(dataset.finish(), 1);
   EXPECT_THAT(dataset.output(), AllOf(HasSubstr("covey: uav0: "), HasSubstr("/nowhere")));
   EXPECT_EQ(std::count(dataset.output().begin(), dataset.output().end(), '\n'), 1);
+}
+
+TEST(Agent, AStartThatFailsLeavesAnEarlierFlight) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  for (const char* file : {kTrajectoryFile, kAgentSummaryFile, kAgentStatusFile})
+    (void)folder.write(fs::path("out") / file, "old");
+  const std::pair<const char*, const char*> mistakes[] = {
+      {R"({"agent": {"vocabulary": "/no/words.txt"}})", "/no/words.txt"},
+      {R"({"link": {"loopback_only": false, "interfaces": ["203.0.113.7"]}})", "203.0.113.7"},
+      {R"({"agent": {"mode": "solo", "pace": "lockstep"}})", "needs a team"}};
+  for (const auto& [settings, complaint] : mistakes) {
+    const fs::path config = folder.write("agent.json", settings);
+    CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
+                        std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out", out.string()});
+    EXPECT_EQ(covey.finish(), 1);
+    EXPECT_THAT(covey.output(), HasSubstr(complaint));
+    for (const char* file : {kTrajectoryFile, kAgentSummaryFile, kAgentStatusFile})
+      EXPECT_EQ(file_content(out / file), "old") << complaint << ": " << file;
+  }
 }
 
 TEST(Agent, WithoutATeamThereIsNoLockstep) {

@@ -13,10 +13,12 @@
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <thread>
 
 #include "apps/control_channel.h"
 #include "apps/free_domain.h"
+#include "apps/run_folder.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
 
@@ -27,6 +29,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::StartsWith;
 
 constexpr char kDataset[] = COVEY_TEST_FLIGHT;  // two drones, made by the fixture
 
@@ -254,6 +257,40 @@ TEST_F(Team, DronesOfWhichNobodyKnowsWhereTheyStartAreNamed) {
 }
 
 TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
+TEST_F(Team, AStartThatFailsLeavesAnEarlierRunAsItWas) {
+  for (const char* file : {"summary.json", "report.html", "uav0/config.json", "uav0/trajectory.tum",
+                           "solo/uav0/config.json", "solo/uav0/timings.csv", "notes.txt"}) {
+    fs::create_directories((run_ / file).parent_path());
+    std::ofstream(run_ / file) << "old " << file;
+  }
+  const TemporaryFolder settings;
+  const auto config = settings.write("words.json", R"({"agent": {"vocabulary": "/no/words.txt"}})");
+  CoveyProcess covey(command({"--force", "--config", config.string()}));
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("could not start: "), HasSubstr("/no/words.txt")));
+  std::set<std::string> files;
+  for (const auto& entry : fs::recursive_directory_iterator(run_)) {
+    if (entry.is_directory()) continue;
+    const std::string file = entry.path().lexically_relative(run_).string();
+    files.insert(file);
+    EXPECT_EQ(file_content(entry.path()), "old " + file);
+  }
+  EXPECT_EQ(files.size(), 7U);
+}
+
+TEST_F(Team, WhatAStartThatWasKilledHasSetAsideComesBackFirst) {
+  fs::create_directories(run_ / ".earlier" / "uav0");
+  std::ofstream(run_ / ".earlier" / "uav0" / "config.json") << "old";
+  { const RunFolder folder(run_, true); }
+  EXPECT_EQ(file_content(run_ / "uav0" / "config.json"), "old");
+  EXPECT_FALSE(fs::exists(run_ / ".earlier"));
+  {
+    RunFolder folder(run_, true);
+    folder.keep();
+  }
+  EXPECT_TRUE(fs::is_empty(run_));
+}
+
   const fs::path broken = run_.string() + "_dataset";
   fs::remove_all(broken);
   fs::create_directories(broken);
@@ -261,8 +298,10 @@ TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
   std::ofstream(broken / "uav1" / "mav0" / "imu0" / "data.csv", std::ios::app) << "12,nonsense\n";
   CoveyProcess covey({"team", broken.string(), "--out", run_.string()});
   EXPECT_EQ(covey.finish(), 1);
-  EXPECT_THAT(covey.output(), AllOf(HasSubstr("covey: uav1: "), HasSubstr("imu0/data.csv:"),
-                                    HasSubstr("uav1 could not start")));
+  EXPECT_THAT(covey.output(),
+              AllOf(StartsWith("covey: uav1 could not start: "), HasSubstr("imu0/data.csv:")));
+  EXPECT_EQ(std::count(covey.output().begin(), covey.output().end(), '\n'), 1);
+  EXPECT_FALSE(fs::exists(run_)) << "so the same command can be given again";
   fs::remove_all(broken);
 }
 
