@@ -66,7 +66,7 @@ std::optional<GainErrors> errors_over(const std::vector<Compared>& images, doubl
     const auto old_enough = [&](std::size_t i) {
       return seconds_between(images[i].truth.stamp_ns, now.truth.stamp_ns) >= apart_s;
     };
-    while (old_enough(before + 1)) ++before;
+    while (before + 1 < images.size() && old_enough(before + 1)) ++before;
     const Compared& past = images[before];
     if (!old_enough(before) || past.truth.chain_ns != now.truth.chain_ns) continue;
     const double estimated = now.estimate.map.gain / past.estimate.map.gain;

@@ -70,6 +70,14 @@ TEST(ThermalComparison, ImagesOfTwoChainsAreNotCompared) {
   EXPECT_FALSE(compared.third || compared.second || compared.chain);
 }
 
+TEST(ThermalComparison, OneImageIsComparedWithNone) {
+  KnownFlight flight = known_flight();
+  flight.gains.resize(1);
+  const ThermalComparison compared = compare_with_truth(flight.gains, {}, flight.truth, {});
+  EXPECT_FALSE(compared.third || compared.second || compared.chain);
+  EXPECT_EQ(compared.true_gains.size(), 1U);
+}
+
 TEST(ThermalComparison, TemperaturesAsTheyAreHaveAGainOfOne) {
   KnownFlight flight = known_flight();
   for (PhotometricRecord& record : flight.gains) record.map = {};
