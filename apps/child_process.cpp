@@ -15,6 +15,8 @@
 #include <thread>
 #include <utility>
 
+#include "apps/stop_signal.h"
+
 namespace covey {
 namespace {
 
@@ -32,6 +34,25 @@ void keep_only(int fd) {
   close_range(STDERR_FILENO + 1, ~0U, CLOSE_RANGE_CLOEXEC);
   fcntl(fd, F_SETFD, 0);
 }
+
+// While it lives no signal comes: one that is sent to a child between fork and exec waits until the
+// child is no longer its parent's copy, which would note it and forget.
+class BlockedSignals {
+ public:
+  BlockedSignals() {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before_);
+  }
+  ~BlockedSignals() { restore(); }
+  BlockedSignals(const BlockedSignals&) = delete;
+  BlockedSignals& operator=(const BlockedSignals&) = delete;
+
+  void restore() const { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+
+ private:
+  sigset_t before_{};
+};
 
 std::string describe_end(int status) {
   if (WIFSIGNALED(status)) {
@@ -75,9 +96,12 @@ ChildProcess ChildProcess::start(std::vector<std::string> arguments, const Bonds
   argv.push_back(nullptr);
 
   const pid_t parent = getpid();
+  const BlockedSignals blocked;
   const pid_t pid = fork();
   if (pid < 0) fail("fork");
   if (pid == 0) {
+    release_stop_signals();
+    blocked.restore();
     const bool inside =
         bonds.network_namespace < 0 || setns(bonds.network_namespace, CLONE_NEWNET) == 0;
     if (!inside || (bonds.tied && !tie_to(parent))) _exit(127);

@@ -12,6 +12,15 @@ static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler may not 
 
 void on_signal(int) { stop.store(true); }
 
+// What somebody has chosen to ignore stays ignored.
+void release(int number) {
+  struct sigaction action = {};
+  sigaction(number, nullptr, &action);
+  if (action.sa_handler != on_signal) return;
+  action.sa_handler = SIG_DFL;
+  sigaction(number, &action, nullptr);
+}
+
 }  // namespace
 
 void catch_stop_signals() {
@@ -20,6 +29,11 @@ void catch_stop_signals() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+}
+
+void release_stop_signals() {
+  release(SIGINT);
+  release(SIGTERM);
 }
 
 bool stop_requested() { return stop.load(); }

@@ -207,8 +207,8 @@ RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight
     if (early != flight.ended_early.end()) why = early->second;
     run.agents[drone.name] = summarize_drone(drone, options.out / drone.name, why);
   }
-  if (options.unknown_start && options.mode == FlightMode::kCollaborative &&
-      flight.ended_early.empty()) {
+  const bool all_ended = !flight.interrupted && flight.ended_early.empty();
+  if (options.unknown_start && options.mode == FlightMode::kCollaborative && all_ended) {
     for (auto& [name, agent] : run.agents) agent.alignments = judge_alignments(options.out, name);
   }
   write_run_summary(options.out / "summary.json", run);

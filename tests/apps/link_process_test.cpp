@@ -14,8 +14,10 @@
 #include <thread>
 #include <vector>
 
+#include "apps/child_process.h"
 #include "apps/link_worker.h"
 #include "apps/process_usage.h"
+#include "apps/stop_signal.h"
 #include "comms/peer_link.h"
 #include "tests/apps/covey_process.h"
 #include "tests/comms/samples.h"
@@ -89,6 +91,7 @@ int play_link(const std::string& drone, int socket) {
   if (drone == "report_nonsense") report_nonsense(socket);
   if (drone == "slander") slander(socket);
   if (drone == "give_up") give_up(socket);
+  if (drone == "wait") pause();
   if (drone == "leave") return 3;
   return drone.rfind("uav", 0) == 0 && !run_link(socket) ? 1 : 0;
 }
@@ -150,6 +153,16 @@ std::string end_of(const std::string& name) {
 }
 
 // ------------------------------------------------------------------------------------------- tests
+
+TEST(ChildProcess, ASignalRightAfterTheForkIsNotLost) {
+  catch_stop_signals();
+  for (int i = 0; i < 20; ++i) {
+    ChildProcess child = ChildProcess::start_self(
+        {"covey", "link", "--drone", "wait", "--fd", kControlFdPlaceholder});
+    child.terminate();
+    EXPECT_EQ(child.ended(milliseconds(kPatience)), "killed by signal 15 (SIGTERM)");
+  }
+}
 
 TEST(RestartPolicy, ALifeWorthItsNameIsFollowedAtOnceByTheNext) {
   RestartPolicy policy;

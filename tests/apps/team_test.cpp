@@ -179,6 +179,24 @@ TEST_F(Team, CtrlCStopsAllAndKeepsWhatWasFlown) {
   EXPECT_FALSE(find_process((run_ / "uav0" / "config.json").string()));
 }
 
+TEST_F(Team, CtrlCAtTheStartEndsAtOnceAndLeavesNothing) {
+  CoveyProcess covey(command({"--unknown-start"}));
+  while (!find_process((run_ / "uav0" / "config.json").string())) std::this_thread::yield();
+  covey.send(SIGINT);
+  EXPECT_EQ(covey.finish(), 1) << covey.output();
+  EXPECT_EQ(covey.output(), "covey: interrupted before the drones flew\n");
+  EXPECT_FALSE(fs::exists(run_));
+}
+
+TEST_F(Team, WhoIsInterruptedIsNotAskedWhereOtherWorldsLie) {
+  CoveyProcess covey(command({"--pace", "0.2", "--unknown-start"}));
+  ASSERT_TRUE(covey.wait_for("flown")) << covey.output();
+  covey.send(SIGINT);
+  EXPECT_EQ(covey.finish(), 1) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("covey: interrupted; what was flown until then is in"));
+  EXPECT_EQ(summary()["agents"]["uav1"]["incomplete"], "interrupted");
+}
+
 TEST_F(Team, ByTheClockItIsAsFastAsAskedFor) {
   CoveyProcess covey(command({"--pace", "1", "--mode", "solo", "--agents", "uav0"}));
   ASSERT_EQ(covey.finish(), 0) << covey.output();
