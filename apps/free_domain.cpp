@@ -3,13 +3,28 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
 
 namespace covey {
+namespace {
+
+// Whoever has made it: to lock it takes no more than to read it. A folder for everybody's temporary
+// files may refuse O_CREAT for a file of somebody else.
+int open_lock(const char* file) {
+  const int fd = open(file, O_RDONLY | O_CLOEXEC);
+  if (fd >= 0 || errno != ENOENT) return fd;
+  const int made = open(file, O_CREAT | O_RDONLY | O_CLOEXEC, 0644);
+  if (made >= 0) fchmod(made, 0644);  // whatever the umask
+  return made;
+}
+
+}  // namespace
 
 FreeDomain::FreeDomain() {
   // Domain 0 is everybody's default; ports of domains above 100 overlap the ephemeral ones; those
@@ -20,7 +35,7 @@ FreeDomain::FreeDomain() {
   for (int i = 0; i <= kLast - kFirst; ++i) {
     const int id = kFirst + (start + i) % (kLast - kFirst + 1);
     const auto file = folder / ("covey-domain-" + std::to_string(id) + ".lock");
-    const int fd = open(file.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0666);
+    const int fd = open_lock(file.c_str());
     if (fd < 0) continue;
     if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
       id_ = id;

@@ -105,7 +105,7 @@ class TeamFlight {
 
   const TeamOptions& options_;
   const std::function<void(const FlightProgress&)>& on_progress_;
-  FreeDomain domain_;
+  std::optional<FreeDomain> domain_;  // unless each flies alone
   std::vector<Member> members_;
   TimeNs first_ns_ = 0, last_ns_ = 0;
   double start_ms_ = 0;
@@ -114,8 +114,9 @@ class TeamFlight {
 };
 
 void TeamFlight::start() {
+  if (options_.mode == FlightMode::kCollaborative) domain_.emplace();
   for (const DroneFolder& drone : options_.drones) {
-    const AgentConfig config = write_agent_config(options_, drone, domain_.id());
+    const AgentConfig config = write_agent_config(options_, drone, domain_ ? domain_->id() : 0);
     members_.emplace_back(drone.name, start_agent(config));
   }
   await_replies();
@@ -275,9 +276,9 @@ void TeamFlight::accept(Member& member, const Reply& reply) {
   } else if (const auto* advanced = std::get_if<AdvancedReply>(&reply)) {
     member.sent = *advanced;
     member.replied = advanced->done;
-  }
   } else if (const auto* failed = std::get_if<FailedReply>(&reply)) {
     member.failure = failed->why;
+  }
 }
 
 // Its process has ended or is about to.

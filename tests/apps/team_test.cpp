@@ -257,24 +257,6 @@ TEST_F(Team, ForceTakesAwayAllThatAnEarlierRunHasLeft) {
   EXPECT_FALSE(fs::exists(run_ / "uav1"));
 }
 
-TEST_F(Team, DronesOfWhichNobodyKnowsWhereTheyStartAreNamed) {
-  const TemporaryFolder dataset;
-  for (const char* drone : {"uav0", "uav1"}) {
-    const fs::path recorded = fs::path(kDataset) / drone / "mav0";
-    const fs::path mav0 = dataset.path() / drone / "mav0";
-    fs::create_directories(mav0);
-    for (const char* sensor : {"cam0", "imu0"}) {
-      fs::create_directory_symlink(recorded / sensor, mav0 / sensor);
-    }
-  }
-  CoveyProcess covey({"team", dataset.path().string(), "--out", run_.string()});
-  EXPECT_TRUE(covey.wait_for("uav0, uav1: no ground truth")) << covey.output();
-  EXPECT_THAT(covey.output(), HasSubstr("fly with --unknown-start"));
-  covey.send(SIGINT);
-  covey.finish();
-}
-
-TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
 TEST_F(Team, AStartThatFailsLeavesAnEarlierRunAsItWas) {
   for (const char* file : {"summary.json", "report.html", "uav0/config.json", "uav0/trajectory.tum",
                            "solo/uav0/config.json", "solo/uav0/timings.csv", "notes.txt"}) {
@@ -309,6 +291,24 @@ TEST_F(Team, WhatAStartThatWasKilledHasSetAsideComesBackFirst) {
   EXPECT_TRUE(fs::is_empty(run_));
 }
 
+TEST_F(Team, DronesOfWhichNobodyKnowsWhereTheyStartAreNamed) {
+  const TemporaryFolder dataset;
+  for (const char* drone : {"uav0", "uav1"}) {
+    const fs::path recorded = fs::path(kDataset) / drone / "mav0";
+    const fs::path mav0 = dataset.path() / drone / "mav0";
+    fs::create_directories(mav0);
+    for (const char* sensor : {"cam0", "imu0"}) {
+      fs::create_directory_symlink(recorded / sensor, mav0 / sensor);
+    }
+  }
+  CoveyProcess covey({"team", dataset.path().string(), "--out", run_.string()});
+  EXPECT_TRUE(covey.wait_for("uav0, uav1: no ground truth")) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("fly with --unknown-start"));
+  covey.send(SIGINT);
+  covey.finish();
+}
+
+TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
   const fs::path broken = run_.string() + "_dataset";
   fs::remove_all(broken);
   fs::create_directories(broken);
@@ -357,6 +357,25 @@ TEST_F(Team, UnknownDronesFlagsAndPacesAreBadUsage) {
   EXPECT_EQ(flag.finish(), 2);
   CoveyProcess exchange(command({"--exchange", "none"}));
   EXPECT_EQ(exchange.finish(), 2);
+}
+
+// Only the system can tell what another user may do.
+TEST(FreeDomain, LockFilesOfAnotherUserLockNobodyOut) {
+  const TemporaryFolder folder;
+  fs::permissions(folder.path(), fs::perms::all | fs::perms::sticky_bit);
+  for (int id = 1; id <= 60; ++id) {
+    const fs::path file = folder.write("covey-domain-" + std::to_string(id) + ".lock", "");
+    fs::permissions(file, fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+  }
+  const char* before = std::getenv("TMPDIR");
+  const std::string temporary = before == nullptr ? "/tmp" : before;
+  setenv("TMPDIR", folder.path().c_str(), 1);
+  constexpr uid_t kNobody = 65534;
+  const uid_t own = geteuid();
+  if (own == 0) EXPECT_EQ(seteuid(kNobody), 0);
+  EXPECT_NO_THROW(FreeDomain());
+  EXPECT_EQ(seteuid(own), 0);
+  setenv("TMPDIR", temporary.c_str(), 1);
 }
 
 TEST(FreeDomain, TwoTeamsNeverGetTheSame) {
