@@ -100,6 +100,12 @@ class LiveSensors {
       complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
     if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
     refused_ = counts.refused;
+    if (counts.malformed_packets > malformed_packets_)
+      complaints_.tell("packets", "malformed packets come in DDS domain " +
+                                      std::to_string(config_.domain) + ", " +
+                                      std::to_string(counts.malformed_packets) +
+                                      " so far: they are left out");
+    malformed_packets_ = counts.malformed_packets;
   }
 
  private:
@@ -136,7 +142,7 @@ class LiveSensors {
   Complaints complaints_;
   Silence camera_silence_, imu_silence_;
   TimeNs newest_image_ns_ = 0, newest_imu_ns_ = 0;
-  std::uint64_t refused_ = 0, unusable_ = 0;
+  std::uint64_t refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
 };
 
 // The tracker keeps them.

@@ -140,7 +140,9 @@ void OnboardLink::Impl::publish(const BodyMotion& motion) {
 
 OnboardCounts OnboardLink::Impl::counts() const {
   const std::lock_guard lock(mutex_);
-  return counts_;
+  OnboardCounts counts = counts_;
+  counts.malformed_packets = participant_.malformed_packets();
+  return counts;
 }
 
 OnboardLink::OnboardLink(const OnboardConfig& config, std::string frame, std::string child_frame)

@@ -51,8 +51,9 @@ struct OnboardConfig {
 struct OnboardCounts {
   std::uint64_t images = 0, imu_samples = 0;          // received
   std::uint64_t images_dropped = 0, imu_dropped = 0;  // queue full
-  std::uint64_t refused = 0;                          // malformed
+  std::uint64_t refused = 0;                          // malformed samples
   std::string last_refusal;                           // topic and reason
+  std::uint64_t malformed_packets = 0;                // stopped before DDS saw them
 };
 
 class OnboardLink {

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "comms/byte_type.h"
+#include "comms/checked_transport.h"
 #include "comms/dds_log.h"
 #include "comms/participant_deleter.h"
 #include "comms/qos.h"
@@ -55,12 +56,14 @@ std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport(boo
   return out;
 }
 
-dds::DomainParticipantQos participant_qos(const OnboardNetwork& network) {
+dds::DomainParticipantQos participant_qos(const OnboardNetwork& network,
+                                          std::shared_ptr<PacketCount> malformed) {
   dds::DomainParticipantQos qos;
   qos.name("covey/onboard");
   qos.properties().properties().clear();  // names of host and user
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(transport(network.loopback_only));
+  qos.transport().user_transports.push_back(std::make_shared<CheckedTransportDescriptor>(
+      transport(network.loopback_only), std::move(malformed)));
   if (network.loopback_only) {
     eprosima::fastrtps::rtps::Locator_t here;
     eprosima::fastrtps::rtps::IPLocator::setIPv4(here, "127.0.0.1");
@@ -121,10 +124,12 @@ class OnboardParticipant::Impl {
 
   void read(const OnboardTopic& topic, bool reliable, std::unique_ptr<Listener> listener);
   dds::DataWriter* write(const OnboardTopic& topic, Keep keep);
+  std::uint64_t malformed_packets() const { return *malformed_; }
 
  private:
   dds::Topic* create_topic(const OnboardTopic& topic);
 
+  const std::shared_ptr<PacketCount> malformed_ = std::make_shared<PacketCount>(0);
   std::vector<std::unique_ptr<Listener>> listeners_;  // outlive the participant that calls them
   ParticipantOwner participant_;
   dds::Publisher* publisher_ = nullptr;
@@ -132,9 +137,10 @@ class OnboardParticipant::Impl {
 };
 
 OnboardParticipant::Impl::Impl(const OnboardNetwork& network)
-    : participant_((keep_dds_errors(),
-                    dds::DomainParticipantFactory::get_instance()->create_participant(
-                        static_cast<dds::DomainId_t>(network.domain), participant_qos(network)))) {
+    : participant_(
+          (keep_dds_errors(), dds::DomainParticipantFactory::get_instance()->create_participant(
+                                  static_cast<dds::DomainId_t>(network.domain),
+                                  participant_qos(network, malformed_)))) {
   require(participant_ != nullptr, "cannot create the DDS participant in domain " +
                                        std::to_string(network.domain) +
                                        ": check that UDP ports are free");
@@ -207,5 +213,7 @@ void OnboardParticipant::read(const OnboardTopic& topic, bool reliable,
 OnboardWriter OnboardParticipant::write(const OnboardTopic& topic, Keep keep) {
   return OnboardWriter(impl_->write(topic, keep));
 }
+
+std::uint64_t OnboardParticipant::malformed_packets() const { return impl_->malformed_packets(); }
 
 }  // namespace covey

@@ -8,10 +8,13 @@
 //   On 127.0.0.1, which knows no multicast, participants are looked for at the first ports of the
 //     domain. ROS 2's nodes listen there whatever their own discovery is.
 //   Readers are best effort by default: they hear every writer.
+//   Malformed packets are stopped before DDS sees them (rtps_check.h): it runs in the process that
+//     flies the drone.
 #pragma once
 
 #include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -66,6 +69,7 @@ class OnboardParticipant {
   void read(const OnboardTopic& topic, bool reliable, std::function<void(const Bytes&)> received,
             std::function<void()> unheard);
   [[nodiscard]] OnboardWriter write(const OnboardTopic& topic, Keep keep);
+  [[nodiscard]] std::uint64_t malformed_packets() const;  // that came and were stopped
 
  private:
   class Impl;

@@ -13,6 +13,7 @@
 #include <thread>
 #include <vector>
 
+#include "comms/datagram_socket.h"
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
 #include "comms/sensor_player.h"
@@ -120,6 +121,31 @@ TEST(OnboardLink, WhatIsMalformedIsCountedWithTopicAndReason) {
   ASSERT_TRUE(eventually([&] { return drone.counts().refused == 1; }));
   EXPECT_EQ(drone.counts().last_refusal, "camera/image_raw: sample ends too early");
   EXPECT_EQ(drone.counts().images, 0U);
+}
+
+// To the two ports of the first participant of the domain.
+void send_to_first(const Bytes& packet) {
+  const DatagramSocket outsider("127.0.0.1", 1 << 16);
+  const int discovery_port = 7410 + 250 * onboard_config().domain;
+  for (const int port : {discovery_port, discovery_port + 1})
+    ASSERT_TRUE(
+        outsider.send(packet.data(), packet.size(), "127.0.0.1", static_cast<std::uint16_t>(port)));
+}
+
+// Debian's Fast DDS would end the process: a submessage of statistics that is not the last one.
+TEST(OnboardLink, OutlivesAPacketThatFastDdsDoesNot) {
+  OnboardLink drone(onboard_config(), "world", "imu");
+  Bytes packet = {'R', 'T', 'P', 'S', 2, 3, 1, 0x0f};
+  packet.resize(20);
+  const Bytes statistics = {0x80, 1, 4, 0, 0, 0, 0, 0}, time = {0x09, 1, 0, 0};
+  packet.insert(packet.end(), statistics.begin(), statistics.end());
+  packet.insert(packet.end(), time.begin(), time.end());
+  send_to_first(packet);
+  EXPECT_TRUE(eventually([&] { return drone.counts().malformed_packets == 2; }));
+  SensorPlayer player(onboard_config());
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  EXPECT_TRUE(player.play(ImuSample{5000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  EXPECT_TRUE(drone.wait_for_imu(4999, kPatience));
 }
 
 TEST(OnboardLink, TellsRos2AndPx4WhereItIs) {
