@@ -274,7 +274,9 @@ void Agent::publish_status() {
 void Agent::show_status() {
   if (!status_file_.due(steady_ms())) return;
   write_status();
-  if (link_) warn_of_namesake();
+  if (!link_) return;
+  warn_of_namesake();
+  warn_of_crowd();
 }
 
 // Both then ask and answer in one name, and nobody else can tell them apart.
@@ -286,6 +288,12 @@ void Agent::warn_of_namesake() {
     warned_of_namesake_ = true;
     return;
   }
+}
+
+void Agent::warn_of_crowd() {
+  if (warned_of_crowd_ || link_->statistics().refused.count(kCrowd) == 0) return;
+  spdlog::warn("{}, {}: some are not answered", kCrowd, config_.link.max_agents);
+  warned_of_crowd_ = true;
 }
 
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }

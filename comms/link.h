@@ -24,6 +24,8 @@ using Inbound = std::variant<PlaceAdvert, PeerKeyframe, FullPeerKeyframe, AgentS
 
 // Why samples are rejected that claim to come from this drone itself.
 inline constexpr char kNamesake[] = "another drone bears this drone's name";
+// Why a drone that is there gets no answers: counted once for each.
+inline constexpr char kCrowd[] = "more drones are there than link.max_agents";
 
 // Samples of one kind. Payload bytes are the serialised sample, without RTPS and UDP headers. What
 // is sent to all drones counts once.

@@ -13,6 +13,7 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <memory>
 #include <mutex>
 #include <stdexcept>
 #include <thread>
@@ -126,8 +127,12 @@ class PeerLink::Impl {
   void create_reader(Kind kind, ReaderEvents* events, const std::string& receiver = "");
 
   void keep_house();
+  using AnswerWriter = std::shared_ptr<dds::DataWriter>;
   void create_answer_writers(const std::set<std::string>& names);
-  dds::DataWriter* answer_writer(const std::string& receiver) const;
+  AnswerWriter create_answer_writer(const std::string& receiver);
+  bool make_room_for_answers(const std::set<std::string>& names);
+  void count_turned_away(std::set<std::string> names);
+  AnswerWriter answer_writer(const std::string& receiver) const;
   bool acknowledged(dds::DataWriter* writer, steady_clock::time_point deadline) const;
 
   template <typename Message>
@@ -169,8 +174,8 @@ class PeerLink::Impl {
   dds::DataWriter* status_writer_ = nullptr;
   dds::DataWriter* odometry_writer_ = nullptr;
 
-  mutable std::mutex answer_mutex_;  // guards the map, not the writers
-  std::map<std::string, dds::DataWriter*> answer_writers_;
+  mutable std::mutex answer_mutex_;                     // guards the map, not the writers
+  std::map<std::string, AnswerWriter> answer_writers_;  // end before the participant
 
   std::mutex status_mutex_;  // one status after the other: the newest has to be the last
   AgentStatus status_;
@@ -187,6 +192,7 @@ class PeerLink::Impl {
   std::deque<dds::DataWriter*> writers_described_;
   std::deque<dds::DataReader*> readers_described_;
   steady_clock::time_point last_repeat_;
+  std::set<std::string> turned_away_;  // who is there and has no answer topic for want of room
 
   std::thread housekeeper_;
   std::thread dispatcher_;
@@ -229,14 +235,16 @@ void PeerLink::Impl::close() {
 }
 
 bool PeerLink::Impl::flush(milliseconds timeout) {
-  std::vector<dds::DataWriter*> writers = {request_writer_};
+  std::vector<AnswerWriter> writers;
   {
     const std::lock_guard lock(answer_mutex_);
     for (const auto& entry : answer_writers_) writers.push_back(entry.second);
   }
   const auto deadline = steady_clock::now() + timeout;
-  return std::all_of(writers.begin(), writers.end(),
-                     [&](auto* writer) { return acknowledged(writer, deadline); });
+  return acknowledged(request_writer_, deadline) &&
+         std::all_of(writers.begin(), writers.end(), [&](const AnswerWriter& writer) {
+           return acknowledged(writer.get(), deadline);
+         });
 }
 
 bool PeerLink::Impl::acknowledged(dds::DataWriter* writer,
@@ -371,18 +379,55 @@ void PeerLink::Impl::repeat_endpoints_when_due() {
 // Holds the lock from creation to entry: a writer may be matched, and be asked for, in between.
 void PeerLink::Impl::create_answer_writers(const std::set<std::string>& names) {
   const std::lock_guard lock(answer_mutex_);
+  std::set<std::string> turned_away;
   for (const std::string& name : names) {
-    const bool full = answer_writers_.size() + 1 >= static_cast<std::size_t>(config_.max_agents);
-    if (name == config_.agent || full || answer_writers_.count(name) > 0) continue;
+    if (name == config_.agent || answer_writers_.count(name) > 0) continue;
+    if (!make_room_for_answers(names)) {
+      turned_away.insert(name);
+      continue;
+    }
     try {
-      answer_writers_[name] = create_writer(message_kind_, &message_written_, name);
+      answer_writers_[name] = create_answer_writer(name);
     } catch (const std::exception&) {
       state_.count_refused(message_kind_, "no answer topic for a peer: out of memory");
     }
   }
+  count_turned_away(std::move(turned_away));
 }
 
-dds::DataWriter* PeerLink::Impl::answer_writer(const std::string& receiver) const {
+PeerLink::Impl::AnswerWriter PeerLink::Impl::create_answer_writer(const std::string& receiver) {
+  return {create_writer(message_kind_, &message_written_, receiver), [this](auto* writer) {
+            dds::Topic* topic = writer->get_topic();
+            publisher_->delete_datawriter(writer);
+            participant_->delete_topic(topic);
+          }};
+}
+
+// With the map locked. Who has left keeps its writer until another one needs the room: it may come
+// back. Others take a writer under this lock and hold on to it while they use it, so that one that
+// is only in the map is used by nobody.
+bool PeerLink::Impl::make_room_for_answers(const std::set<std::string>& names) {
+  if (answer_writers_.size() + 1 < static_cast<std::size_t>(config_.max_agents)) return true;
+  const auto unused =
+      std::find_if(answer_writers_.begin(), answer_writers_.end(), [&](const auto& entry) {
+        return names.count(entry.first) == 0 && entry.second.use_count() == 1;
+      });
+  if (unused == answer_writers_.end()) return false;
+  writers_described_.erase(
+      std::remove(writers_described_.begin(), writers_described_.end(), unused->second.get()),
+      writers_described_.end());
+  answer_writers_.erase(unused);
+  return true;
+}
+
+// Each once, until it has left or got its topic.
+void PeerLink::Impl::count_turned_away(std::set<std::string> names) {
+  for (const std::string& name : names)
+    if (turned_away_.count(name) == 0) state_.count_refused(message_kind_, kCrowd);
+  turned_away_ = std::move(names);
+}
+
+PeerLink::Impl::AnswerWriter PeerLink::Impl::answer_writer(const std::string& receiver) const {
   const std::lock_guard lock(answer_mutex_);
   const auto found = answer_writers_.find(receiver);
   return found == answer_writers_.end() ? nullptr : found->second;
@@ -453,10 +498,10 @@ bool PeerLink::Impl::send_message(Kind kind, const std::set<std::string>& receiv
   ByteSample sample{std::move(bytes)};
   bool sent = false;
   for (const std::string& receiver : receivers) {
-    dds::DataWriter* writer = answer_writer(receiver);
+    const AnswerWriter writer = answer_writer(receiver);
     if (writer == nullptr || !state_.reaches(receiver)) {
       state_.count_refused(kind, kNotThere);
-    } else if (put(kind, writer, sample)) {
+    } else if (put(kind, writer.get(), sample)) {
       state_.count_message_to(receiver);
       sent = true;
     }

@@ -36,7 +36,8 @@ struct LinkConfig {
   std::string team = "covey";  // same characters; teams do not hear each other
   int domain = 0;              // DDS domain, 0..200
   LinkProfile profile;
-  int max_agents = 16;  // per team, this one included; also how many per host are looked for
+  // At once, this one included; also how many per host are looked for. Who has left makes room.
+  int max_agents = 16;
   // The messages of this team carry whole filters, FullPeerKeyframe instead of PeerKeyframe. Drones
   // of the other sort are not heard.
   bool full_messages = false;

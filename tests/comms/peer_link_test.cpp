@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <functional>
 #include <optional>
@@ -274,6 +275,57 @@ TEST(PeerLink, ALinkThatIsDestroyedIsMissedAndItsSuccessorIsFound) {
     ASSERT_TRUE(comes_and_goes.wait_for_inbox({0, 1}, kPatience));
   }
   EXPECT_EQ(stays.statistics().messages_sent_to.at("uav1"), 10u);
+}
+
+LinkConfig config_for_two(const std::string& agent) {
+  LinkConfig config = team_config(agent);
+  config.max_agents = 2;
+  return config;
+}
+
+TEST(PeerLink, WhoHasLeftMakesRoomForOthers) {
+  PeerLink stays(config_for_two("uav0"));
+  for (int i = 1; i <= 10; ++i) {
+    const std::string name = "uav" + std::to_string(i);
+    PeerLink comes_and_goes(team_config(name));
+    ASSERT_TRUE(stays.wait_for_peers({name}, kPatience)) << name;
+    ASSERT_TRUE(comes_and_goes.wait_for_peers({"uav0"}, kPatience)) << name;
+    ASSERT_TRUE(stays.send(samples::keyframe("uav0", name)));
+    ASSERT_TRUE(comes_and_goes.wait_for_inbox({0, 1}, kPatience)) << name;
+  }
+}
+
+TEST(PeerLink, WhoFindsNoRoomIsCountedAndLinkedOnceThereIsSome) {
+  PeerLink stays(config_for_two("uav0"));
+  std::optional<PeerLink> first(team_config("uav1"));
+  ASSERT_TRUE(stays.wait_for_peers({"uav1"}, kPatience));
+  const PeerLink second(team_config("uav2"));
+  const auto start = std::chrono::steady_clock::now();
+  while (stays.statistics().refused.count(kCrowd) == 0 &&
+         std::chrono::steady_clock::now() - start < kPatience)
+    std::this_thread::yield();
+  EXPECT_EQ(stays.statistics().refused[kCrowd], 1U);
+  EXPECT_THAT(stays.peers(), ElementsAre("uav1"));
+  first.reset();
+  EXPECT_TRUE(stays.wait_for_peers({"uav2"}, kPatience));
+  EXPECT_EQ(stays.statistics().refused[kCrowd], 1U);
+}
+
+// Answers go to all who are there while one writer after the other is freed.
+TEST(PeerLink, WritersAreFreedAmidTheirTraffic) {
+  PeerLink stays(config_for_two("uav0"));
+  std::atomic<bool> over = false;
+  std::thread sender([&] {
+    for (int i = 0; !over; ++i)
+      stays.send(samples::keyframe("uav0", "uav" + std::to_string(1 + i % 6)));
+  });
+  for (int i = 1; i <= 6; ++i) {
+    const std::string name = "uav" + std::to_string(i);
+    PeerLink comes_and_goes(team_config(name));
+    EXPECT_TRUE(comes_and_goes.wait_for_inbox({0, 1}, kPatience)) << name;
+  }
+  over = true;
+  sender.join();
 }
 
 bool stays_linked(const PeerLink& link, const std::string& peer, std::chrono::milliseconds time) {
