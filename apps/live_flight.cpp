@@ -54,7 +54,7 @@ class Silence {
   double since_ms_ = steady_ms();
 };
 
-// What camera and IMU say, as far as it can be flown: of the right size, in the order of time.
+// What camera and IMU say, as far as it can be flown: images of the right size.
 class LiveSensors {
  public:
   LiveSensors(const OnboardConfig& config, OnboardLink& link, const CameraIntrinsics& camera)
@@ -73,20 +73,16 @@ class LiveSensors {
   }
 
   [[nodiscard]] std::vector<ImuSample> imu() {
-    std::vector<ImuSample> samples;
-    for (const ImuSample& sample : link_.take_imu()) {
-      if (sample.stamp_ns > newest_imu_ns_) {
-        newest_imu_ns_ = sample.stamp_ns;
-        samples.push_back(sample);
-      } else {
-        complaints_.tell("imu", config_.imu_topic + ": its stamps go back: samples are left out");
-      }
-    }
+    std::vector<ImuSample> samples = link_.take_imu();
+    if (!samples.empty()) newest_imu_ns_ = samples.back().stamp_ns;
     return samples;
   }
 
   // Images that have come and were not given out.
-  [[nodiscard]] std::uint64_t dropped() const { return link_.counts().images_dropped + unusable_; }
+  [[nodiscard]] std::uint64_t dropped() const {
+    const OnboardCounts counts = link_.counts();
+    return counts.images_dropped + counts.image_stamps.left_out() + unusable_;
+  }
 
   void warn_of_trouble() {
     const OnboardCounts counts = link_.counts();
@@ -98,6 +94,8 @@ class LiveSensors {
       complaints_.tell("camera", "no image on " + config_.image_topic + where);
     if (imu_silence_.seconds() > kSilence_s)
       complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
+    warn_of_stamps(config_.image_topic, counts.image_stamps, image_stamps_);
+    warn_of_stamps(config_.imu_topic, counts.imu_stamps, imu_stamps_);
     if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
     refused_ = counts.refused;
     if (counts.malformed_packets > malformed_packets_)
@@ -118,9 +116,25 @@ class LiveSensors {
                                    std::to_string(camera_.height) + ": not flown");
       return false;
     }
-    if (image.stamp_ns > newest_image_ns_) return true;
-    complaints_.tell("order", config_.image_topic + ": its stamps go back: images are left out");
-    return false;
+    return true;
+  }
+
+  void warn_of_stamps(const std::string& topic, const StampCounts& now, StampCounts& told) {
+    if (now.late > told.late)
+      complaints_.tell("late " + topic, topic + ": its stamps go back: " + so_far(now.late));
+    if (now.wrong > told.wrong)
+      complaints_.tell("wrong " + topic,
+                       topic + ": its stamps jump by more than a second: " + so_far(now.wrong));
+    if (now.set_back > told.set_back)
+      complaints_.tell("set back " + topic,
+                       topic + ": its clock was set back by " + std::to_string(now.set_back_s) +
+                           " s: nothing of it is flown until it has caught up, or the agent is " +
+                           "started anew; " + so_far(now.set_back));
+    told = now;
+  }
+
+  static std::string so_far(std::uint64_t left_out) {
+    return std::to_string(left_out) + " left out so far";
   }
 
   // Of what has just come from both.
@@ -142,6 +156,7 @@ class LiveSensors {
   Complaints complaints_;
   Silence camera_silence_, imu_silence_;
   TimeNs newest_image_ns_ = 0, newest_imu_ns_ = 0;
+  StampCounts image_stamps_, imu_stamps_;  // that were told
   std::uint64_t refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
 };
 

@@ -2,7 +2,6 @@
 #include "comms/onboard_link.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -45,6 +44,8 @@ class OnboardLink::Impl {
 
   mutable std::mutex mutex_;
   std::condition_variable came_;
+  StampOrder<CameraImage> image_order_;
+  StampOrder<ImuSample> imu_order_;
   std::deque<CameraImage> images_;
   std::vector<ImuSample> imu_;
   TimeNs newest_imu_ns_ = 0;
@@ -90,11 +91,9 @@ void OnboardLink::Impl::receive_image(const Bytes& bytes) {
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     return refuse(config_.image_topic, rejected->reason);
   ++counts_.images;
-  if (images_.size() >= config_.image_queue) {
-    images_.pop_front();
-    ++counts_.images_dropped;
-  }
-  images_.push_back(std::get<CameraImage>(std::move(decoded)));
+  for (CameraImage& image : image_order_.add(std::get<CameraImage>(std::move(decoded))))
+    images_.push_back(std::move(image));
+  for (; images_.size() > config_.image_queue; ++counts_.images_dropped) images_.pop_front();
   came_.notify_all();
 }
 
@@ -110,8 +109,10 @@ void OnboardLink::Impl::receive_imu(const Bytes& bytes) {
     counts_.imu_dropped += imu_.size();
     imu_.clear();
   }
-  imu_.push_back(std::get<ImuSample>(decoded));
-  newest_imu_ns_ = std::max(newest_imu_ns_, imu_.back().stamp_ns);
+  for (const ImuSample& sample : imu_order_.add(std::get<ImuSample>(decoded))) {
+    imu_.push_back(sample);
+    newest_imu_ns_ = sample.stamp_ns;
+  }
   came_.notify_all();
 }
 
@@ -141,6 +142,8 @@ void OnboardLink::Impl::publish(const BodyMotion& motion) {
 OnboardCounts OnboardLink::Impl::counts() const {
   const std::lock_guard lock(mutex_);
   OnboardCounts counts = counts_;
+  counts.image_stamps = image_order_.counts();
+  counts.imu_stamps = imu_order_.counts();
   counts.malformed_packets = participant_.malformed_packets();
   return counts;
 }

@@ -10,8 +10,9 @@
 //   odometry_topic   odometry                nav_msgs/Odometry, at every image or more often
 //   px4_topic        fmu/in/vehicle_visual_odometry      px4_msgs/VehicleOdometry, likewise
 //
-// Stamps of both sensors are of one clock. What comes in waits in bounded queues that drop their
-// oldest. All members may be called from any thread.
+// Stamps of both sensors are of one clock. What comes in is put out in the order of its stamps, as
+// far as those can be believed (stamp_order.h), and waits in bounded queues that drop their oldest.
+// All members may be called from any thread.
 #pragma once
 
 #include <Eigen/Core>
@@ -24,6 +25,7 @@
 #include <vector>
 
 #include "comms/onboard_messages.h"
+#include "comms/stamp_order.h"
 
 namespace covey {
 
@@ -53,6 +55,7 @@ struct OnboardCounts {
   std::uint64_t images_dropped = 0, imu_dropped = 0;  // queue full
   std::uint64_t refused = 0;                          // malformed samples
   std::string last_refusal;                           // topic and reason
+  StampCounts image_stamps, imu_stamps;               // left out for their stamps
   std::uint64_t malformed_packets = 0;                // stopped before DDS saw them
 };
 

@@ -49,6 +49,11 @@ CameraImage image(TimeNs stamp_ns) {
   return {stamp_ns, 752, 480, 1, std::vector<std::uint8_t>(std::size_t{752} * 480, 77)};
 }
 
+void play_imu(SensorPlayer& player, const std::vector<TimeNs>& stamps) {
+  for (const TimeNs stamp_ns : stamps)
+    EXPECT_TRUE(player.play(ImuSample{stamp_ns, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+}
+
 TEST(OnboardLink, HearsEveryImageAndSampleInOrder) {
   OnboardConfig config = onboard_config();
   config.image_queue = 100;
@@ -93,7 +98,7 @@ TEST(OnboardLink, HearsTheAutopilotsImu) {
   OnboardLink drone(config, "world", "imu");
   SensorPlayer player(config);
   ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
-  EXPECT_TRUE(player.play(ImuSample{5000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  play_imu(player, {3000, 4000, 5000});
   ASSERT_TRUE(drone.wait_for_imu(4999, kPatience));
   EXPECT_NEAR(drone.take_imu().front().accel_imu.z(), 9.81, 1e-5);
 }
@@ -110,6 +115,26 @@ TEST(OnboardLink, OfImagesThatWaitTheOldestIsDropped) {
   EXPECT_EQ(drone.next_image(kPatience)->stamp_ns, 4);
   EXPECT_EQ(drone.next_image(kPatience)->stamp_ns, 5);
   EXPECT_FALSE(drone.next_image(milliseconds(1)));
+}
+
+TEST(OnboardLink, OneWrongStampOfASensorCostsThatSampleAlone) {
+  constexpr TimeNs kFarAhead_ns = 1'000'000'000'000'000'000;
+  OnboardLink drone(onboard_config(), "world", "imu");
+  SensorPlayer player(onboard_config());
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  play_imu(player, {1000, 2000, 3000, kFarAhead_ns});
+  for (const TimeNs stamp_ns : {TimeNs{1000}, TimeNs{2000}, TimeNs{3000}, kFarAhead_ns})
+    player.play(image(stamp_ns));
+  ASSERT_TRUE(eventually([&] { return drone.counts().imu_samples == 4; }));
+  EXPECT_FALSE(drone.wait_for_imu(3000, milliseconds(1)));
+  play_imu(player, {4000});
+  EXPECT_TRUE(drone.wait_for_imu(3000, kPatience));
+  EXPECT_EQ(drone.take_imu().size(), 4U);
+  player.play(image(4000));
+  for (const TimeNs stamp_ns : {1000, 2000, 3000, 4000})
+    EXPECT_EQ(drone.next_image(kPatience)->stamp_ns, stamp_ns);
+  EXPECT_EQ(drone.counts().imu_stamps.wrong, 1U);
+  EXPECT_EQ(drone.counts().image_stamps.wrong, 1U);
 }
 
 TEST(OnboardLink, WhatIsMalformedIsCountedWithTopicAndReason) {
@@ -144,7 +169,7 @@ TEST(OnboardLink, OutlivesAPacketThatFastDdsDoesNot) {
   EXPECT_TRUE(eventually([&] { return drone.counts().malformed_packets == 2; }));
   SensorPlayer player(onboard_config());
   ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
-  EXPECT_TRUE(player.play(ImuSample{5000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  play_imu(player, {3000, 4000, 5000});
   EXPECT_TRUE(drone.wait_for_imu(4999, kPatience));
 }
 
