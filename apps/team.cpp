@@ -267,6 +267,10 @@ void TeamFlight::take_replies(Member& member) {
 }
 
 void TeamFlight::accept(Member& member, const Reply& reply) {
+  if (const auto* failed = std::get_if<FailedReply>(&reply)) {
+    member.failure = failed->why;
+    return;  // its end follows
+  }
   member.replied = true;
   if (const auto* ready = std::get_if<ReadyReply>(&reply)) {
     member.ready = *ready;
@@ -276,8 +280,6 @@ void TeamFlight::accept(Member& member, const Reply& reply) {
   } else if (const auto* advanced = std::get_if<AdvancedReply>(&reply)) {
     member.sent = *advanced;
     member.replied = advanced->done;
-  } else if (const auto* failed = std::get_if<FailedReply>(&reply)) {
-    member.failure = failed->why;
   }
 }
 

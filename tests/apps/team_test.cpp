@@ -314,12 +314,14 @@ TEST_F(Team, ABrokenDatasetStopsTheStartAndNamesDroneAndFile) {
   fs::create_directories(broken);
   fs::copy(kDataset, broken, fs::copy_options::recursive);
   std::ofstream(broken / "uav1" / "mav0" / "imu0" / "data.csv", std::ios::app) << "12,nonsense\n";
-  CoveyProcess covey({"team", broken.string(), "--out", run_.string()});
-  EXPECT_EQ(covey.finish(), 1);
-  EXPECT_THAT(covey.output(),
-              AllOf(StartsWith("covey: uav1 could not start: "), HasSubstr("imu0/data.csv:")));
-  EXPECT_EQ(std::count(covey.output().begin(), covey.output().end(), '\n'), 1);
-  EXPECT_FALSE(fs::exists(run_)) << "so the same command can be given again";
+  for (const char* mode : {"collaborative", "solo"}) {
+    CoveyProcess covey({"team", broken.string(), "--mode", mode, "--out", run_.string()});
+    EXPECT_EQ(covey.finish(), 1);
+    EXPECT_THAT(covey.output(),
+                AllOf(StartsWith("covey: uav1 could not start: "), HasSubstr("imu0/data.csv:")));
+    EXPECT_EQ(std::count(covey.output().begin(), covey.output().end(), '\n'), 1);
+    EXPECT_FALSE(fs::exists(run_)) << "so the same command can be given again";
+  }
   fs::remove_all(broken);
 }
 
