@@ -96,8 +96,7 @@ RunSummary summarize_collected(const CollectedRun& collected) {
     if (!has_summary(collected.run / drone.name))
       flight.ended_early[drone.name] = "ended without a summary";
   }
-  const fs::path dataset = fs::absolute(collected.dataset / "").lexically_normal();
-  return summarize_team(team, flight, dataset.parent_path().filename().string());
+  return summarize_team(team, flight, collected.dataset);
 }
 
 }  // namespace covey

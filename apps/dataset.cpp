@@ -155,6 +155,10 @@ std::vector<DroneFolder> find_drones(const fs::path& folder) {
   return drones;
 }
 
+std::string dataset_name(const fs::path& folder) {
+  return fs::absolute(folder / "").lexically_normal().parent_path().filename().string();
+}
+
 std::vector<ImuSample> read_imu(const fs::path& csv) {
   CsvReader reader(csv, CsvReader::Separator::kComma);
   std::vector<ImuSample> samples;

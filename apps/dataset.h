@@ -56,6 +56,9 @@ struct Dataset {
 // inside, or mav0 itself, is a team of one called "uav0".
 [[nodiscard]] std::vector<DroneFolder> find_drones(const std::filesystem::path& folder);
 
+// What people call it: the name of its folder, however the path is written.
+[[nodiscard]] std::string dataset_name(const std::filesystem::path& folder);
+
 [[nodiscard]] Dataset read_dataset(const std::filesystem::path& mav0);
 
 // Where a dataset has its ground truth, if it has any.

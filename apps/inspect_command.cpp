@@ -41,11 +41,6 @@ DroneFolder chosen_drone(const Options& options) {
                            "': --agent takes one of " + names);
 }
 
-std::string dataset_name(const fs::path& folder) {
-  const fs::path whole = fs::absolute(folder).lexically_normal();
-  return (whole.has_filename() ? whole : whole.parent_path()).filename();
-}
-
 void print_figures(const InspectReport& report, const std::string& out) {
   const Inspection& inspection = report.inspection;
   const auto print = [](const char* images, const InspectedFlight& flight) {

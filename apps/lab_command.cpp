@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "apps/child_process.h"
@@ -27,26 +28,44 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kExperimentFile[] = "experiment.json";  // in the folder of its results
+// In the folder of the results: what they are of.
+constexpr char kExperimentFile[] = "experiment.json";
+constexpr char kDatasetFile[] = "dataset.json";  // which folder; none: simulated
 
 struct Options {
   std::string experiment, dataset, out;
 };
 
-// Results of two experiments do not mix.
-void prepare_folder(const Options& options) {
-  const nlohmann::json wanted = read_json_file(options.experiment);
-  const fs::path kept = fs::path(options.out) / kExperimentFile;
-  fs::create_directories(options.out);
-  if (fs::exists(kept)) {
-    if (read_json_file(kept) == wanted) return;
-    throw std::runtime_error(options.out + " holds the results of another experiment, see " +
-                             kept.string() + ": choose another folder");
-  }
-  if (!fs::is_empty(options.out)) {
+// One that is there; empty where it is to be simulated.
+fs::path given_dataset(const Options& options, const LabExperiment& experiment) {
+  const std::string& folder = options.dataset.empty() ? experiment.dataset : options.dataset;
+  if (!folder.empty()) return fs::absolute(folder);
+  if (!experiment.scenario.empty()) return "";
+  throw std::runtime_error(options.experiment +
+                           ": 'dataset' or 'scenario' is missing, and no --dataset is given");
+}
+
+void require_same(const fs::path& kept, const nlohmann::json& wanted, const std::string& what) {
+  if (!fs::exists(kept) || read_json_file(kept) == wanted) return;
+  throw std::runtime_error(kept.parent_path().string() + " holds the results of another " + what +
+                           ", see " + kept.string() + ": choose another folder");
+}
+
+// Results of two experiments do not mix, nor those of two datasets.
+void prepare_folder(const Options& options, const fs::path& dataset) {
+  const nlohmann::json experiment = read_json_file(options.experiment);
+  const nlohmann::json flown = {
+      {"dataset", dataset.empty() ? "" : fs::canonical(dataset).string()}};
+  const fs::path out = options.out;
+  std::error_code error;
+  fs::create_directories(out, error);
+  if (error) throw std::runtime_error(options.out + ": cannot be made: " + error.message());
+  if (!fs::exists(out / kExperimentFile) && !fs::is_empty(out))
     throw std::runtime_error(options.out + " is not empty: choose another folder");
-  }
-  write_json_file(kept, wanted);
+  require_same(out / kExperimentFile, experiment, "experiment");
+  require_same(out / kDatasetFile, flown, "dataset");
+  write_json_file(out / kExperimentFile, experiment);
+  write_json_file(out / kDatasetFile, flown);
 }
 
 // By the program itself; simulated anew if it was interrupted.
@@ -68,14 +87,6 @@ fs::path simulated(const LabExperiment& experiment, const fs::path& out) {
   }
   write_json_file(complete, nlohmann::json::object());
   return folder;
-}
-
-fs::path dataset_of(const Options& options, const LabExperiment& experiment) {
-  if (!options.dataset.empty()) return options.dataset;
-  if (!experiment.dataset.empty()) return experiment.dataset;
-  if (!experiment.scenario.empty()) return simulated(experiment, options.out);
-  throw std::runtime_error(options.experiment +
-                           ": 'dataset' or 'scenario' is missing, and no --dataset is given");
 }
 
 std::string time_left(const LabProgress& progress) {
@@ -130,9 +141,11 @@ void run(const Options& options) {
     throw std::runtime_error("the laboratory has no network here: " + *why);
   }
   catch_stop_signals();
-  prepare_folder(options);
+  lab.dataset = given_dataset(options, lab.experiment);
+  if (!lab.dataset.empty()) check_lab(lab);
+  prepare_folder(options, lab.dataset);
   lab.out = fs::absolute(options.out);
-  lab.dataset = fs::absolute(dataset_of(options, lab.experiment));
+  if (lab.dataset.empty()) lab.dataset = simulated(lab.experiment, lab.out);
   std::vector<LabOutcome> outcomes;
   {
     LabProgressLine line;

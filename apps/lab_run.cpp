@@ -243,7 +243,7 @@ void LabRun::fly_alone() {
     throw std::runtime_error("flying alone, " + flight.ended_early.begin()->first + " " +
                              flight.ended_early.begin()->second);
   }
-  (void)summarize_team(team, flight, options_.dataset.filename().string());
+  (void)summarize_team(team, flight, options_.dataset);
 }
 
 RunSummary LabRun::alone(const TeamOptions& team) const {
@@ -291,7 +291,7 @@ void LabRun::fly(const LabCell& cell) {
     write_memory(team.out / "memory.csv", flight.memory);
     FlightResult ends = flight.flight;
     for (const LabKill& kill : flight.kills) ends.ended_early.emplace(kill.drone, "was killed");
-    evidence.together = summarize_team(team, ends, options_.dataset.filename().string());
+    evidence.together = summarize_team(team, ends, options_.dataset);
     if (experiment_.alone) evidence.alone = alone(team);
     evidence.exchange = read_exchange_logs(team.out);
   }
@@ -305,6 +305,8 @@ void LabRun::fly(const LabCell& cell) {
 }
 
 }  // namespace
+
+void check_lab(const LabOptions& options) { (void)LabRun(options, {}); }
 
 std::vector<LabOutcome> run_lab(const LabOptions& options,
                                 const std::function<void(const LabProgress&)>& on_progress) {

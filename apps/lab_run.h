@@ -29,7 +29,10 @@ struct LabOptions {
   std::filesystem::path out;
 };
 
-// Checks what depends on the dataset, then flies. Throws std::runtime_error naming what is wrong.
+// What depends on the dataset. Throws std::runtime_error naming what is wrong.
+void check_lab(const LabOptions& options);
+
+// Checks that as well, then flies. Throws std::runtime_error naming what is wrong.
 // Ctrl-C ends it in good order: what was finished is in the results.
 std::vector<LabOutcome> run_lab(const LabOptions& options,
                                 const std::function<void(const LabProgress&)>& on_progress);

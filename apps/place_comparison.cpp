@@ -105,11 +105,6 @@ DescriptorResult judge_bag(const std::vector<SurveyedView>& views,
   return result;
 }
 
-std::string name_of(const std::filesystem::path& dataset) {
-  const std::filesystem::path path = std::filesystem::absolute(dataset).lexically_normal();
-  return (path.has_filename() ? path : path.parent_path()).filename().string();
-}
-
 }  // namespace
 
 DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
@@ -123,7 +118,7 @@ DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
     const std::vector<SurveyedView> seen = survey_flight(drone, config.interval_s, config.thermal);
     views.insert(views.end(), seen.begin(), seen.end());
   }
-  return compare_descriptors(name_of(dataset), views, config);
+  return compare_descriptors(dataset_name(dataset), views, config);
 }
 
 DatasetComparison compare_descriptors(const std::string& dataset,

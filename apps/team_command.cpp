@@ -100,12 +100,6 @@ void choose_pace(const std::string& pace, TeamOptions& team) {
   team.real_time_factor = rate;
 }
 
-std::string dataset_name(const fs::path& dataset) {
-  fs::path path = fs::absolute(dataset).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  return path.filename().string();
-}
-
 fs::path default_run(const Options& options) {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
@@ -190,7 +184,7 @@ Flown fly(const TeamOptions& team, const Options& options, RunFolder& folder) {
       line.show(progress);
     });
   }
-  flown.summary = summarize_team(team, flown.flight, dataset_name(options.dataset));
+  flown.summary = summarize_team(team, flown.flight, options.dataset);
   return flown;
 }
 

@@ -193,9 +193,9 @@ void drop_incomplete_lines(const fs::path& folder) {
 }
 
 RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,
-                          const std::string& dataset_name) {
+                          const fs::path& dataset) {
   RunSummary run;
-  run.dataset = dataset_name;
+  run.dataset = dataset_name(dataset);
   run.mode = options.mode == FlightMode::kSolo ? "solo" : "collaborative";
   if (options.mode == FlightMode::kCollaborative) run.exchange = to_string(options.exchange);
   run.init = options.init == InitMethod::kStatic ? "static" : "groundtruth";

@@ -17,7 +17,7 @@ void drop_incomplete_lines(const std::filesystem::path& folder);
 // Evaluates each drone in RUN/<drone>/, adds its ground truth to the folder, writes
 // RUN/summary.json.
 RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,
-                          const std::string& dataset_name);
+                          const std::filesystem::path& dataset);
 
 // For the terminal: one line per drone; with the errors of `alone`, if given, beside the team's.
 [[nodiscard]] std::string team_table(const RunSummary& run, const RunSummary* alone);

@@ -360,5 +360,12 @@ TEST(Dataset, ARecordedFlightIsRead) {
   EXPECT_FALSE(read_image(dataset.images[0], dataset.camera.width, dataset.camera.height).empty());
 }
 
+TEST(DatasetName, IsItsFoldersHoweverThePathIsWritten) {
+  for (const char* path :
+       {"data/castle", "data/castle/", "/data/castle//", "data/yard/../castle/."})
+    EXPECT_EQ(dataset_name(path), "castle") << path;
+  EXPECT_EQ(dataset_name("."), std::filesystem::current_path().filename());
+}
+
 }  // namespace
 }  // namespace covey

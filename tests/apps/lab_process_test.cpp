@@ -71,6 +71,17 @@ TEST_F(Lab, FliesRealAgentsOverALossyLinkAndNothingTwice) {
   CoveyProcess refused(command(other));
   EXPECT_EQ(refused.finish(), 1);
   EXPECT_THAT(refused.output(), HasSubstr("holds the results of another experiment"));
+
+  const fs::path twin = folder_.path() / "twin";
+  fs::create_directories(twin);
+  fs::create_directory_symlink(fs::path(COVEY_TEST_FLIGHT) / "uav0", twin / "scout");
+  fs::create_directory_symlink(fs::path(COVEY_TEST_FLIGHT) / "uav1", twin / "miner");
+  std::vector<std::string> elsewhere = command(lossy_flight());
+  elsewhere[3] = twin.string();
+  CoveyProcess mixed(elsewhere);
+  EXPECT_EQ(mixed.finish(), 1);
+  EXPECT_THAT(mixed.output(), HasSubstr("holds the results of another dataset"));
+  EXPECT_EQ(std::count(mixed.output().begin(), mixed.output().end(), '\n'), 1);
 }
 
 TEST_F(Lab, DronesThatOnlyMeetMayShareARecording) {
@@ -146,7 +157,7 @@ TEST_F(Lab, AMistakeIsOneLineThatNamesTheKey) {
     EXPECT_EQ(covey.finish(), 1);
     EXPECT_THAT(covey.output(), HasSubstr(complaint));
     EXPECT_EQ(std::count(covey.output().begin(), covey.output().end(), '\n'), 1);
-    fs::remove_all(out());
+    EXPECT_FALSE(fs::exists(out()));
   }
 }
 
