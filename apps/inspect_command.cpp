@@ -58,7 +58,7 @@ void inspect(Options options) {
   }
   const DroneFolder drone = chosen_drone(options);
   catch_stop_signals();
-  StagedFolder folder(options.out, options.force);
+  StagedFolder folder(options.out, options.force ? is_inspect_report : nullptr);
   InspectReport report;
   report.dataset = dataset_name(options.dataset);
   report.drone = drone.name;
@@ -96,7 +96,7 @@ void add_inspect_command(CLI::App& covey) {
       ->check(CLI::Range(1, 100));
   command->add_option("--config", options->config_file, "Settings, as covey agent reads them")
       ->type_name("FILE");
-  command->add_flag("--force", options->force, "Replace the folder if it exists");
+  command->add_flag("--force", options->force, "Replace a report that is there");
   command->callback([options] { inspect(*options); });
 }
 

@@ -332,4 +332,9 @@ void write_inspect_report(const fs::path& folder, const InspectReport& report) {
   write_whole_file(folder / "index.html", page(report, compared));
 }
 
+bool is_inspect_report(const std::filesystem::path& folder) {
+  return std::filesystem::exists(folder / "index.html") &&
+         std::filesystem::exists(folder / "summary.json");
+}
+
 }  // namespace covey

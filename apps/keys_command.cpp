@@ -79,7 +79,7 @@ void add_keys_command(CLI::App& covey) {
   command->add_option("--domain", options->domain, "The only DDS domain (default: any)")
       ->needs(team)
       ->check(CLI::Range(0, 200));
-  command->add_flag("--force", options->force, "Replace the folder, and all of its keys")
+  command->add_flag("--force", options->force, "Replace the keys in the folder, all of them")
       ->needs(team);
   command->callback([options] { run(*options); });
 }

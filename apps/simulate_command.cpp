@@ -153,7 +153,7 @@ void simulate(Options options) {
       throw std::runtime_error("simulate: --span is for thermal cameras: use it with mars_yard");
   }
   catch_stop_signals();
-  StagedFolder folder(options.out, options.force);
+  StagedFolder folder(options.out, options.force ? is_dataset : nullptr);
   read_recordings(options);
   std::vector<DroneSimulation> drones = make_simulation(options.request);
 
@@ -213,7 +213,7 @@ void add_simulate_command(CLI::App& covey) {
       ->check(CLI::Range(0.5, 500.0));
   command->add_option("--lap", request.lap_m, "Length of each drone's lap in m (mars_yard)")
       ->check(CLI::Range(5.0, 100.0));
-  command->add_flag("--force", options->force, "Replace the folder if it exists");
+  command->add_flag("--force", options->force, "Replace a dataset that is there");
   command->callback([options] { simulate(*options); });
 }
 

@@ -104,6 +104,10 @@ fs::path issued_certificate(const fs::path& team_folder, const std::string& dron
   return team_folder / kAuthorityFolder / kDronesFolder / (drone + ".pem");
 }
 
+bool is_key_folder(const fs::path& folder) {
+  return fs::exists(folder / kAuthorityFolder / kTeamFile);
+}
+
 // -------------------------------------------------------------------------------------- the drones
 
 std::vector<std::string> drones_of(const fs::path& team_folder) {
@@ -122,7 +126,7 @@ void write_drone(const fs::path& folder, const KeyFiles& keys) {
 void add_drone(const fs::path& team_folder, const TeamAuthority& authority,
                const std::string& drone, int days) {
   const KeyFiles keys = make_keys(authority, drone, valid_for(days));
-  StagedFolder folder(team_folder / drone, false);
+  StagedFolder folder(team_folder / drone);
   write_drone(folder.path(), keys);
   write_private_file(issued_certificate(team_folder, drone), keys.at(kCertificateFile));
   folder.commit();
@@ -156,7 +160,7 @@ void make_team_keys(const TeamKeysRequest& request, const std::string& team,
   check_names(request.drones);
   check_names({team});
   const TeamAuthority authority = make_authority(team, domains, valid_for(kAuthorityDays));
-  StagedFolder folder(request.folder, replace);
+  StagedFolder folder(request.folder, replace ? is_key_folder : nullptr);
   make_private_folder(folder.path());
   write_authority(folder.path() / kAuthorityFolder, authority);
   for (const std::string& drone : request.drones)

@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <iomanip>
 #include <stdexcept>
 #include <system_error>
@@ -36,17 +37,33 @@ void write_transform(std::ostream& out, const Eigen::Isometry3d& T_body_sensor) 
   out << "]\n\n";
 }
 
+void require_replaceable(const fs::path& target, IsReplaceable is_replaceable) {
+  if (!fs::exists(target)) return;
+  if (is_replaceable == nullptr)
+    throw std::runtime_error(target.string() + ": exists already; choose another --out or --force");
+  if (fs::is_directory(target) && (fs::is_empty(target) || is_replaceable(target))) return;
+  throw std::runtime_error(target.string() +
+                           ": --force replaces only what this command has written, and there is "
+                           "something else; choose another --out");
+}
+
 void write_vector(std::ostream& out, const Eigen::Vector3d& v) {
   out << ',' << v.x() << ',' << v.y() << ',' << v.z();
 }
 
 }  // namespace
 
-StagedFolder::StagedFolder(fs::path target, bool replace) : target_(std::move(target)) {
+bool is_dataset(const fs::path& folder) {
+  const fs::directory_iterator entries(folder);
+  return std::all_of(begin(entries), end(entries),
+                     [](const auto& entry) { return fs::is_directory(entry.path() / "mav0"); });
+}
+
+StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable)
+    : target_(std::move(target)) {
   if (!target_.has_filename()) target_ = target_.parent_path();
-  if (fs::exists(target_) && !replace)
-    throw std::runtime_error(target_.string() +
-                             ": exists already; choose another --out or --force");
+  if (target_.empty()) throw std::runtime_error("--out names no folder");
+  require_replaceable(target_, is_replaceable);
   staging_ = target_;
   staging_ += ".partial-" + std::to_string(::getpid());
   std::error_code error;

@@ -17,11 +17,15 @@
 
 namespace covey {
 
+// Whether a folder is one that may be replaced: nobody's own files go.
+using IsReplaceable = bool (*)(const std::filesystem::path&);
+[[nodiscard]] bool is_dataset(const std::filesystem::path& folder);  // nothing but uavK/mav0
+
 class StagedFolder {
  public:
-  // Throws std::runtime_error when `target` exists and may not be replaced, or nothing can be
-  // written there.
-  StagedFolder(std::filesystem::path target, bool replace);
+  // Throws std::runtime_error when `target` exists and is not empty and replaceable (without a
+  // test: when it exists), or nothing can be written there.
+  explicit StagedFolder(std::filesystem::path target, IsReplaceable is_replaceable = nullptr);
   ~StagedFolder();  // removes what was not committed
   StagedFolder(const StagedFolder&) = delete;
   StagedFolder& operator=(const StagedFolder&) = delete;

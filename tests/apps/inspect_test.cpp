@@ -63,6 +63,8 @@ TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
             "");
   EXPECT_THAT(complaint_of("inspect " + yard.string() + " --agent uav7" + to),
               HasSubstr("holds no drone 'uav7': --agent takes one of uav0"));
+  EXPECT_THAT(complaint_of("inspect " + yard.string() + " --force --out " + yard.string()),
+              HasSubstr("there is something else"));
   fs::resize_file(find_drones(yard)[0].mav0 / "imu0" / "data.csv", 100);
   EXPECT_NE(complaint_of("inspect " + yard.string() + to), "");
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()), 1)

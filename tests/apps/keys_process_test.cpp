@@ -94,6 +94,13 @@ TEST_F(Keys, NothingIsOverwrittenUnlessItIsSaid) {
   EXPECT_NE(file_content(keys() / "uav0" / kPrivateKeyFile), key);
 }
 
+TEST_F(Keys, AFolderOfOtherThingsIsNotReplaced) {
+  fs::create_directories(keys());
+  std::ofstream(keys() / "thesis.txt") << "mine";
+  EXPECT_THAT(run({"--team", "blue", "uav0", "--force"}, 1), HasSubstr("there is something else"));
+  EXPECT_EQ(file_content(keys() / "thesis.txt"), "mine");
+}
+
 TEST_F(Keys, WhatCannotBeIsNamedAndLeavesNothing) {
   EXPECT_THAT(run({"--team", "blue", "uav 0"}, 1), HasSubstr("\"uav 0\" is not a name"));
   EXPECT_THAT(run({"--team", "b/lue", "uav0"}, 1), HasSubstr("\"b/lue\" is not a name"));

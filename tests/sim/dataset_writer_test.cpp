@@ -37,7 +37,7 @@ class DatasetWriter : public ::testing::Test {
 };
 
 TEST_F(DatasetWriter, NothingIsThereBeforeTheCommitAndNothingElseAfter) {
-  StagedFolder staged(folder_ / "set", false);
+  StagedFolder staged(folder_ / "set");
   std::ofstream(staged.path() / "file") << "x";
   EXPECT_FALSE(fs::exists(folder_ / "set"));
   staged.commit();
@@ -46,23 +46,35 @@ TEST_F(DatasetWriter, NothingIsThereBeforeTheCommitAndNothingElseAfter) {
 }
 
 TEST_F(DatasetWriter, AnAbandonedDatasetLeavesNothingBehind) {
-  { const StagedFolder staged(folder_ / "set", false); }
+  { const StagedFolder staged(folder_ / "set"); }
   EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(DatasetWriter, AnExistingFolderIsOnlyReplacedWhenAsked) {
-  fs::create_directories(folder_ / "set" / "old");
-  EXPECT_THROW(StagedFolder(folder_ / "set", false), std::runtime_error);
-  StagedFolder staged(folder_ / "set", true);
+  fs::create_directories(folder_ / "set" / "old" / "mav0");
+  EXPECT_THROW(StagedFolder(folder_ / "set"), std::runtime_error);
+  StagedFolder staged(folder_ / "set", is_dataset);
   EXPECT_TRUE(fs::exists(folder_ / "set" / "old")) << "kept until the new one is whole";
   staged.commit();
   EXPECT_FALSE(fs::exists(folder_ / "set" / "old"));
 }
 
+TEST_F(DatasetWriter, WhatIsNoDatasetIsNotReplaced) {
+  fs::create_directories(folder_ / "set" / "uav0" / "mav0");
+  std::ofstream(folder_ / "set" / "thesis.txt") << "mine";
+  EXPECT_THROW(StagedFolder(folder_ / "set", is_dataset), std::runtime_error);
+  EXPECT_THROW(StagedFolder(folder_ / "set" / "thesis.txt", is_dataset), std::runtime_error);
+  EXPECT_TRUE(fs::exists(folder_ / "set" / "thesis.txt"));
+  fs::create_directories(folder_ / "empty");
+  EXPECT_NO_THROW(StagedFolder(folder_ / "empty", is_dataset));
+}
+
 TEST_F(DatasetWriter, AnUnwritablePlaceIsNamed) {
+  EXPECT_THROW(StagedFolder(""), std::runtime_error);
+
   std::ofstream(folder_ / "file") << "x";
   try {
-    const StagedFolder staged(folder_ / "file" / "set", false);
+    const StagedFolder staged(folder_ / "file" / "set");
     FAIL() << "a folder below a file cannot be";
   } catch (const std::runtime_error& error) {
     EXPECT_NE(std::string(error.what()).find("set"), std::string::npos);
