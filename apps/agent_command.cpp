@@ -65,6 +65,7 @@ void require_flying(const std::string& folder) {
 
 void run(const Options& options) {
   if (options.is_flying) {
+    if (options.out.empty()) throw CLI::RequiredError("--out");
     require_flying(options.out);
   } else if (options.describe_config) {
     std::printf("%s", describe_config().c_str());

@@ -17,6 +17,8 @@ nlohmann::json parse_json(std::istream& stream, const std::string& name) {
 }
 
 nlohmann::json read_json_file(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file))
+    throw std::runtime_error(file.string() + ": cannot be read: it is a folder");
   std::ifstream stream(file);
   if (!stream) throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
   return parse_json(stream, file.string());

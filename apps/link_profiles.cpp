@@ -165,9 +165,14 @@ Json nested(const std::map<std::string, std::string>& overrides, const std::stri
   return sections;
 }
 
-const Json* reason_in(const Json& profile, const std::string& section, const std::string& key) {
-  const auto pointer = Json::json_pointer("/" + section + "/why/" + key);
-  return profile.contains(pointer) ? &profile.at(pointer) : nullptr;
+// For people to read; empty where there is none.
+std::string reason_in(const ProfileFile& file, const std::string& name, const std::string& path) {
+  const Json::json_pointer pointer(path);
+  const Json& profile = file.profiles.at(name);
+  if (!profile.is_object() || !profile.contains(pointer)) return "";
+  const Json& reason = profile.at(pointer);
+  if (reason.is_string()) return reason.get<std::string>();
+  throw std::runtime_error(file.name + ": '" + name + path + "' is no text");
 }
 
 }  // namespace
@@ -202,8 +207,8 @@ LinkProfile read_profile(const ProfileChoice& choice, const std::string& where) 
 std::vector<ProfileName> profile_names(const std::string& file) {
   const ProfileFile opened = open_profiles(file);
   std::vector<ProfileName> names;
-  for (const auto& [name, profile] : opened.profiles)
-    names.push_back({name, profile.is_object() ? profile.value("why", "") : ""});
+  for (const auto& item : opened.profiles)
+    names.push_back({item.first, reason_in(opened, item.first, "/why")});
   return names;
 }
 
@@ -214,9 +219,9 @@ nlohmann::ordered_json profile_with_reasons(const ProfileChoice& choice, const s
   const auto reason = [&](const std::string& section, const std::string& key) -> std::string {
     if (choice.overrides.count(std::string(section).append(".").append(key)) > 0)
       return "overridden by " + where;
+    const std::string path = std::string("/").append(section).append("/why/").append(key);
     for (auto name = line.rbegin(); name != line.rend(); ++name)
-      if (const Json* why = reason_in(file.profiles.at(*name), section, key))
-        return why->get<std::string>();
+      if (std::string why = reason_in(file, *name, path); !why.empty()) return why;
     return "";
   };
   auto json = to_ordered_json([&](ConfigVisitor& visitor) { visit_profile(profile, visitor); });

@@ -274,6 +274,8 @@ RunData read_exchange(const fs::path& flight, const char* exchange) {
 }  // namespace
 
 std::vector<ScenarioResults> read_results(const fs::path& runs) {
+  if (!fs::is_directory(runs))
+    throw std::runtime_error(runs.string() + ": is not a folder: is the path right?");
   std::vector<fs::path> flights;
   for (const auto& entry : fs::directory_iterator(runs)) {
     if (entry.is_directory()) flights.push_back(entry.path());

@@ -71,10 +71,47 @@ LevelFrame frame_from(const nlohmann::json& json) {
   return {vector_from(json.at("position_m")), json.at("yaw_deg").get<double>()};
 }
 
+// What `read` takes from a drone's own summary.
+template <typename Read>
+auto from_agent_summary(const fs::path& folder, const Read& read) {
+  const fs::path file = folder / kAgentSummaryFile;
+  const nlohmann::json told = read_json_file(file);
+  try {
+    return read(told);
+  } catch (const nlohmann::json::exception& error) {
+    throw std::runtime_error(file.string() + ": is not as covey agent writes it: " + error.what());
+  }
+}
+
+LevelFrame own_world_of(const fs::path& folder) {
+  return from_agent_summary(
+      folder, [](const nlohmann::json& told) { return frame_from(told.at("own_world")); });
+}
+
+// A peer's, as the drone has found it.
+struct FoundWorld {
+  LevelFrame T_own_peer;
+  Eigen::Vector3d p_peer = Eigen::Vector3d::Zero();  // where it knows it best
+  double position_sigma_m = 0, yaw_sigma_deg = 0;
+};
+
+std::map<std::string, FoundWorld> found_worlds_of(const fs::path& folder) {
+  return from_agent_summary(folder, [](const nlohmann::json& told) {
+    std::map<std::string, FoundWorld> worlds;
+    for (const auto& item : told.at("peer_worlds").items()) {
+      const nlohmann::json& found = item.value();
+      worlds[item.key()] = {frame_from(found), vector_from(found.at("at_m")),
+                            found.at("position_sigma_m").get<double>(),
+                            found.at("yaw_sigma_deg").get<double>()};
+    }
+    return worlds;
+  });
+}
+
 // The truth as the drone's own world has it, which lies at its start if it knows no other.
-StampedPoses in_own_world(StampedPoses truth, const fs::path& agent_summary) {
-  if (!fs::exists(agent_summary)) return truth;
-  const LevelFrame own = frame_from(read_json_file(agent_summary).at("own_world"));
+StampedPoses in_own_world(StampedPoses truth, const fs::path& folder) {
+  if (!fs::exists(folder / kAgentSummaryFile)) return truth;
+  const LevelFrame own = own_world_of(folder);
   const Eigen::Quaterniond turn(
       Eigen::AngleAxisd(-own.yaw_deg * M_PI / 180, Eigen::Vector3d::UnitZ()));
   for (StampedPose& known : truth) {
@@ -87,7 +124,7 @@ StampedPoses in_own_world(StampedPoses truth, const fs::path& agent_summary) {
 void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& summary) {
   const StampedPoses estimate = estimate_in(folder);
   std::optional<StampedPoses> truth = ground_truth_of(drone);
-  if (truth) truth = in_own_world(*std::move(truth), folder / kAgentSummaryFile);
+  if (truth) truth = in_own_world(*std::move(truth), folder);
   if (truth) write_tum(folder / kGroundTruthFile, *truth);
   if (estimate.empty()) {
     spdlog::warn("{} left no trajectory: {}", drone.name,
@@ -126,23 +163,17 @@ AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
 // Of the worlds that a drone has found: each against where the peer's really lies.
 std::map<std::string, AlignmentSummary> judge_alignments(const fs::path& run,
                                                          const std::string& drone) {
-  const auto told_by = [&](const std::string& name) {
-    return read_json_file(run / name / kAgentSummaryFile);
-  };
   std::map<std::string, AlignmentSummary> alignments;
-  const nlohmann::json told = told_by(drone);
-  const LevelFrame own = frame_from(told.at("own_world"));
-  for (const auto& item : told.at("peer_worlds").items()) {
-    const nlohmann::json& found = item.value();
-    const LevelFrame T_own_peer = frame_from(found);
-    const LevelFrame peer = frame_from(told_by(item.key()).at("own_world"));
-    const Eigen::Vector3d at = vector_from(found.at("at_m"));
-    AlignmentSummary& alignment = alignments[item.key()];
-    alignment.position_error_m = (own * (T_own_peer * at) - peer * at).norm();
+  const LevelFrame own = own_world_of(run / drone);
+  for (const auto& [name, found] : found_worlds_of(run / drone)) {
+    const LevelFrame peer = own_world_of(run / name);
+    AlignmentSummary& alignment = alignments[name];
+    alignment.position_error_m =
+        (own * (found.T_own_peer * found.p_peer) - peer * found.p_peer).norm();
     alignment.yaw_error_deg =
-        std::abs(std::remainder(own.yaw_deg + T_own_peer.yaw_deg - peer.yaw_deg, 360.0));
-    alignment.position_sigma_m = found.at("position_sigma_m").get<double>();
-    alignment.yaw_sigma_deg = found.at("yaw_sigma_deg").get<double>();
+        std::abs(std::remainder(own.yaw_deg + found.T_own_peer.yaw_deg - peer.yaw_deg, 360.0));
+    alignment.position_sigma_m = found.position_sigma_m;
+    alignment.yaw_sigma_deg = found.yaw_sigma_deg;
   }
   return alignments;
 }

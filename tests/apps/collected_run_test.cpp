@@ -21,6 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class CollectedFlight : public testing::Test {
@@ -160,6 +161,16 @@ TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
   CoveyProcess nowhere({"agent", "--is-flying", "--out", "/nowhere"});
   EXPECT_EQ(nowhere.finish(), 1);
   EXPECT_THAT(nowhere.output(), HasSubstr("/nowhere: no drone has been here"));
+  CoveyProcess somewhere({"agent", "--is-flying"});
+  EXPECT_EQ(somewhere.finish(), 2);
+  EXPECT_THAT(somewhere.output(), HasSubstr("--out is required"));
+}
+
+TEST_F(CollectedFlight, ASummaryThatLacksAKeyIsNamedWithIt) {
+  (void)folder_.write("run/uav0/agent_summary.json", to_json(AgentSummary()).dump());
+  CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("uav0/agent_summary.json"), HasSubstr("own_world")));
 }
 
 TEST_F(CollectedFlight, WithoutAnyDroneThereIsNothingToReport) {

@@ -112,6 +112,8 @@ TEST(ConfigFile, BrokenJsonAndMissingFilesAreNamed) {
   std::ofstream(file) << "{ \"agent\": ";
   EXPECT_THAT([&] { (void)read_config(file); }, testing::ThrowsMessage<std::runtime_error>(AllOf(
                                                     HasSubstr(file), HasSubstr("not valid JSON"))));
+  EXPECT_THAT([] { (void)read_config("/tmp"); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("/tmp: cannot be read: it is")));
   EXPECT_THAT([] { (void)read_config("/nowhere/config.json"); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("/nowhere/config.json")));
 }

@@ -176,6 +176,21 @@ TEST_F(OwnProfiles, ThatAreMalformedAreNamed) {
               HasSubstr("/nowhere/profiles.json: the profiles cannot be read"));
 }
 
+TEST_F(OwnProfiles, AReasonThatIsNoTextIsNamed) {
+  const std::string profile = file_with(R"({"profiles": {"mine": {"why": 3}}})");
+  EXPECT_THAT([&] { (void)profile_names(profile); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr("profiles.json"), HasSubstr("'mine/why' is no text"))));
+  const std::string value =
+      file_with(R"({"profiles": {"mine": {"request": {"depth": 3, "why": {"depth": ["much"]}}}}})");
+  EXPECT_THAT(
+      [&] {
+        (void)profile_with_reasons({"mine", value, {}}, "test");
+      },
+      ThrowsMessage<std::runtime_error>(
+          AllOf(HasSubstr("profiles.json"), HasSubstr("'mine/request/why/depth' is no"))));
+}
+
 TEST(LinkProfiles, AConfigurationChoosesAndOverrides) {
   AgentConfig config;
   merge_config(

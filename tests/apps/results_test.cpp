@@ -75,6 +75,8 @@ TEST(Results, AModuleThatDidNotRunIsADash) {
 
 TEST(Results, AMissingRunIsNamed) {
   const TemporaryFolder folder;
+  EXPECT_THAT([&] { (void)read_results(folder.path() / "none"); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("none: is not a folder")));
   const auto read = [&] { (void)read_results(folder.path()); };
   EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(HasSubstr("holds no flights")));
   std::filesystem::create_directories(folder.path() / "mars_yard-7");

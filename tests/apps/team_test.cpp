@@ -234,6 +234,14 @@ TEST_F(Team, ARunThatIsThereIsNotOverwritten) {
   EXPECT_THAT(covey.output(), AllOf(HasSubstr("is not empty"), HasSubstr("--force")));
 }
 
+TEST_F(Team, AFolderThatCannotBeIsNamed) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.write("file", "mine");
+  CoveyProcess covey({"team", kDataset, "--out", (file / "sub").string()});
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), StartsWith("covey: " + (file / "sub").string() + ": cannot be made"));
+}
+
 TEST_F(Team, MoreDronesThanALinkHoldsAreNamedBeforeAnythingIsTakenAway) {
   TeamOptions options;
   options.out = run_;
