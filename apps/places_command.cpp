@@ -10,6 +10,7 @@
 #include "apps/place_comparison.h"
 #include "apps/place_report.h"
 #include "apps/vocabulary_file.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -21,6 +22,7 @@ struct Options {
 };
 
 void compare(Options options) {
+  make_writable_folder(options.out);
   options.comparison.vocabulary = load_vocabulary(options.vocabulary);
   if (!options.many_words.empty()) {
     options.comparison.many_words = load_vocabulary(options.many_words);

@@ -6,12 +6,12 @@
 #include <string>
 #include <vector>
 
-#include "apps/csv.h"
 #include "apps/report_charts.h"
 #include "apps/report_data.h"
 #include "apps/report_style.h"
 #include "apps/report_tables.h"
 #include "apps/svg.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -196,9 +196,7 @@ std::string page(const RunData& data) {
 std::filesystem::path write_report(const std::filesystem::path& run) {
   const RunData data = read_run(run);
   std::filesystem::path file = run / "report.html";
-  LineWriter writer(file);
-  writer.write_line(page(data));
-  writer.close();
+  write_whole_file(file, page(data));
   return file;
 }
 

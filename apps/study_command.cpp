@@ -9,6 +9,7 @@
 
 #include "apps/study_report.h"
 #include "apps/team_study.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -37,6 +38,7 @@ void study_ablation(const Options& options) {
 }
 
 void study(const Options& options) {
+  make_writable_folder(options.out);
   if (options.what == "scaling") {
     study_scaling(options);
   } else {

@@ -34,6 +34,7 @@ void add_tables_command(CLI::App& covey) {
   command->callback([options] {
     write_whole_file(options->out, results_page(read_results(options->runs), options->origin));
     std::printf("%s\n", options->out.c_str());
+    require_writable(options->out);
   });
 }
 

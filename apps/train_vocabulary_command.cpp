@@ -4,14 +4,13 @@
 #include <CLI/CLI.hpp>
 #include <cinttypes>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "apps/training_images.h"
 #include "apps/vocabulary_file.h"
+#include "apps/whole_file.h"
 #include "frontend/vocabulary_training.h"
 
 namespace covey {
@@ -23,16 +22,6 @@ struct Options {
   std::size_t images_per_camera = 60;
   TrainingConfig training;
 };
-
-// Before minutes of work, not after them.
-void check_target(const std::filesystem::path& out) {
-  const std::filesystem::path folder = std::filesystem::absolute(out).parent_path();
-  if (!std::filesystem::is_directory(folder)) {
-    throw std::runtime_error(out.string() + ": cannot be written: " + folder.string() +
-                             " is not a folder");
-  }
-  if (std::filesystem::is_directory(out)) throw std::runtime_error(out.string() + ": is a folder");
-}
 
 TrainingSet describe(const Options& options) {
   TrainingSet all;
@@ -46,7 +35,7 @@ TrainingSet describe(const Options& options) {
 }
 
 void train(const Options& options) {
-  check_target(options.out);
+  require_writable(options.out);
   const TrainingSet set = describe(options);
   std::fprintf(stderr, "training %d words, %d times ...\n", options.training.words,
                options.training.restarts);

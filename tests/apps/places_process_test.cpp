@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "apps/json_file.h"
 #include "apps/place_survey.h"
@@ -17,6 +18,7 @@ namespace covey {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 TEST(PlacesProgram, TrainsOnAFlightAndMeasuresWithTheWords) {
   const TemporaryFolder folder;
@@ -45,6 +47,26 @@ TEST(SurveyFlight, LooksAtImagesAsTheyAreFlownOrAsAskedFor) {
   const auto raw = features(ThermalMode::kRaw);
   EXPECT_EQ(features(ThermalMode::kAuto), raw) << "the camera is a visual one";
   EXPECT_NE(features(ThermalMode::kCalibrated), raw) << "other contrast, other corners";
+}
+
+TEST(Targets, AreLookedAtBeforeTheWork) {
+  const TemporaryFolder folder;
+  const std::string file = folder.write("file", "mine").string();
+  for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{
+           {"places", "/nowhere", "--out", file + "/sub"},
+           {"study", "scaling", "--scenario", "nowhere", "--out", file + "/sub"},
+           {"tables", "/nowhere", "--commit", "c", "--machine", "m", "--command", "n", "--out",
+            file + "/sub"},
+           {"simulate", "room", "--trajectory", "/nowhere", "--out", file + "/sub"},
+           {"train-vocabulary", "/nowhere", "--out", file + "/sub"}}) {
+    CoveyProcess covey(command);
+    EXPECT_EQ(covey.finish(), 1) << command.front();
+    EXPECT_THAT(covey.output(), StartsWith("covey: " + file + "/sub")) << command.front();
+  }
+  EXPECT_EQ(file_content(file), "mine");
+  CoveyProcess nameless({"simulate", "room", "--trajectory", "/nowhere", "--out", ""});
+  EXPECT_EQ(nameless.finish(), 1);
+  EXPECT_THAT(nameless.output(), HasSubstr("--out names no folder"));
 }
 
 TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
