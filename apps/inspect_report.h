@@ -32,7 +32,8 @@ struct InspectReport {
 [[nodiscard]] nlohmann::json inspect_summary(const InspectReport& report);
 
 // Into a folder that exists. Throws std::runtime_error naming what cannot be written.
-[[nodiscard]] bool is_inspect_report(const std::filesystem::path& folder);
 void write_inspect_report(const std::filesystem::path& folder, const InspectReport& report);
+// Of a folder that exists: is that what lies there?
+[[nodiscard]] bool is_inspect_report(const std::filesystem::path& folder);
 
 }  // namespace covey
