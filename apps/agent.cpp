@@ -526,7 +526,8 @@ nlohmann::json Agent::exchange_details() const {
   details["landmarks"] = {{"fused", pipeline_.peer_landmarks().used},
                           {"gated", pipeline_.peer_landmarks().gated},
                           {"unknown_track", pipeline_.peer_landmarks().unknown_track},
-                          {"invalid", pipeline_.peer_landmarks().invalid}};
+                          {"invalid", pipeline_.peer_landmarks().invalid},
+                          {"uninformative", pipeline_.peer_landmarks().uninformative}};
   const CollaboratorReport report = pipeline_.collaboration().value_or(CollaboratorReport());
   details["requests"] = {{"received", report.adverts_received},
                          {"answered", report.answered},
@@ -592,6 +593,7 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 }  // namespace
 
 void Agent::finish(const std::optional<std::string>& incomplete) {
+  write_status();
   if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();

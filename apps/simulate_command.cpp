@@ -149,6 +149,8 @@ void simulate(Options options) {
   if (options.request.scenario != Scenario::kMarsYard) {
     if (options.raw16)
       throw std::runtime_error("simulate: --raw16 is for thermal cameras: use it with mars_yard");
+    if (options.request.shutter_events)
+      throw std::runtime_error("simulate: --shutter is for thermal cameras: use it with mars_yard");
     if (options.request.least_span_k > 0)
       throw std::runtime_error("simulate: --span is for thermal cameras: use it with mars_yard");
   }

@@ -10,7 +10,7 @@ set(COVEY_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/covey)
 set(COVEY_ENTRY_HEADERS
   estimator/estimator.h estimator/initializer.h estimator/so3.h
   frontend/collaborator.h frontend/tracker.h frontend/vocabulary_visual.h
-  comms/peer_link.h)
+  comms/onboard_link.h comms/peer_link.h)
 
 function(covey_install_headers)
   set(waiting ${ARGN})

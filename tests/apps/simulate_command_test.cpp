@@ -148,6 +148,7 @@ TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
   EXPECT_THAT(simulate("castle_around --trajectory " + good.string() + to), HasSubstr("room"));
   EXPECT_THAT(simulate("room --imu " + late.string() + to), HasSubstr("--trajectory"));
   EXPECT_THAT(simulate("room --raw16" + to), HasSubstr("mars_yard"));
+  EXPECT_THAT(simulate("castle_parallel --shutter" + to), HasSubstr("--shutter is for thermal"));
   EXPECT_EQ(entries(folder.path()), 3u) << "only the csv files of this test";
 }
 
