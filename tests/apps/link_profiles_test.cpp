@@ -18,6 +18,7 @@ namespace {
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::ThrowsMessage;
 
 json shipped() { return json::parse(kShippedProfiles).at("profiles"); }
 

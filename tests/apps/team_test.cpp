@@ -382,7 +382,7 @@ TEST(FreeDomain, LockFilesOfAnotherUserLockNobodyOut) {
   setenv("TMPDIR", folder.path().c_str(), 1);
   constexpr uid_t kNobody = 65534;
   const uid_t own = geteuid();
-  if (own == 0) EXPECT_EQ(seteuid(kNobody), 0);
+  EXPECT_EQ(seteuid(own == 0 ? kNobody : own), 0);
   EXPECT_NO_THROW(FreeDomain());
   EXPECT_EQ(seteuid(own), 0);
   setenv("TMPDIR", temporary.c_str(), 1);

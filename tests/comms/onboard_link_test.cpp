@@ -83,6 +83,7 @@ TEST(OnboardLink, HearsEveryImageAndSampleInOrder) {
 TEST(OnboardLink, HearsADriverAmongManyPrograms) {
   constexpr int kPrograms = 24;
   std::vector<std::unique_ptr<OnboardParticipant>> others;
+  others.reserve(kPrograms);
   for (int i = 0; i < kPrograms; ++i)
     others.push_back(
         std::make_unique<OnboardParticipant>(OnboardNetwork{onboard_config().domain, true}));
