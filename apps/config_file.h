@@ -97,8 +97,8 @@ struct ThermalConfig {
   PhotometricConfig photometric;
 };
 
-// What sensor.yaml says of the camera is about right, and gets better in flight; what it says of the
-// IMU's noise is too little (docs/accuracy.md).
+// What sensor.yaml says of the camera is about right, and gets better in flight; what it says of
+// the IMU's noise is too little (docs/accuracy.md).
 [[nodiscard]] EstimatorConfig estimator_in_flight();
 
 struct AgentConfig {

@@ -37,7 +37,8 @@ class SpatialField {
   SpatialField(const SpatialConfig& config, cv::Size image_size);
 
   // Goes on by `elapsed_s` and takes in what pieces of the scene show that were seen before and
-  // after. Whatever gain and offset lie between the two images does not matter, it is projected out.
+  // after. Whatever gain and offset lie between the two images does not matter, it is projected
+  // out.
   void update(double elapsed_s, const std::vector<FieldDifference>& differences);
   // Nothing is known but that the field's deviation is `share` of the usual one.
   void reset(double share = 1);
