@@ -593,7 +593,6 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 }  // namespace
 
 void Agent::finish(const std::optional<std::string>& incomplete) {
-  write_status();
   if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();

@@ -73,8 +73,8 @@ TEST_F(CollectedFlight, TwoDronesThatFlewByThemselvesGetOneReport) {
     EXPECT_TRUE(agent.accuracy);
     EXPECT_FALSE(agent.incomplete);
     const json status = read_json_file(run() / name / kAgentStatusFile);
-    EXPECT_EQ(status.at("frames"), agent.frames);
-    EXPECT_EQ(agent.link->clocks.size(), 1u);
+    EXPECT_GT(status.at("frames"), 0);
+    EXPECT_EQ(status.at("peers").size(), 1u);
     EXPECT_TRUE(status.at("dropped_by_load").is_object());
   }
   EXPECT_TRUE(fs::exists(run() / "report.html"));
