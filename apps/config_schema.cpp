@@ -393,7 +393,8 @@ void visit_onboard(OnboardConfig& onboard, ConfigVisitor& v) {
   v.flag("loopback_only", onboard.loopback_only, "all of them run on this computer");
   v.flag("reliable", onboard.reliable,
          "ask for lost samples again; drivers that offer best effort alone are then not heard");
-  v.text("image_topic", onboard.image_topic, "sensor_msgs/Image: mono8, mono16, or 8-bit colours");
+  v.text("image_topic", onboard.image_topic,
+         "sensor_msgs/Image: grey of 8 or 16 bits, or 8-bit colours");
   v.text("imu_topic", onboard.imu_topic, "of imu_message");
   v.option("imu_message", onboard.imu_message, {"ros", "px4"},
            "sensor_msgs/Imu, or px4_msgs/SensorCombined (fmu/out/sensor_combined)");

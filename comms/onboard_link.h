@@ -4,7 +4,7 @@
 // words of ROS 2 and PX4: no ROS is needed for it.
 //
 //   topic (ROS 2 name)                       type
-//   image_topic      camera/image_raw        sensor_msgs/Image: mono8, mono16, 8-bit colours
+//   image_topic      camera/image_raw        sensor_msgs/Image, as image_pixels.h reads it
 //   imu_topic        imu/data_raw            sensor_msgs/Imu, specific force with gravity
 //     or             fmu/out/sensor_combined             px4_msgs/SensorCombined, the autopilot's
 //   odometry_topic   odometry                nav_msgs/Odometry, at every image or more often

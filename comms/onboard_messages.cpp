@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <optional>
 #include <utility>
 
 #include "comms/cdr.h"
 #include "comms/checks.h"
+#include "comms/image_pixels.h"
 #include "idl/onboard.h"
 
 namespace covey {
@@ -59,60 +59,9 @@ ros_geometry::Quaternion_ ros_quaternion(const Eigen::Quaterniond& q) {
   return out;
 }
 
-// A pixel on the wire, and where in it the colours stand; grey has none.
-struct PixelFormat {
-  std::size_t bytes = 0;
-  std::optional<std::array<std::size_t, 3>> red_green_blue;
-};
-
-std::optional<PixelFormat> pixel_format(const std::string& encoding) {
-  if (encoding == "mono8" || encoding == "8UC1") return PixelFormat{1, {}};
-  if (encoding == "mono16" || encoding == "16UC1") return PixelFormat{2, {}};
-  if (encoding == "rgb8") return PixelFormat{3, {{0, 1, 2}}};
-  if (encoding == "bgr8") return PixelFormat{3, {{2, 1, 0}}};
-  if (encoding == "rgba8") return PixelFormat{4, {{0, 1, 2}}};
-  if (encoding == "bgra8") return PixelFormat{4, {{2, 1, 0}}};
-  return {};
-}
-
-// ITU-R BT.601, in 256ths. `pixels` as long as all their colours.
-void to_grey(const PixelFormat& format, std::vector<std::uint8_t>& pixels) {
-  constexpr unsigned kRed = 77, kGreen = 150, kBlue = 29, kHalf = 128;
-  const auto [red, green, blue] = *format.red_green_blue;
-  const std::size_t count = pixels.size() / format.bytes;
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::uint8_t* const pixel = &pixels[i * format.bytes];
-    const unsigned sum = kRed * pixel[red] + kGreen * pixel[green] + kBlue * pixel[blue];
-    pixels[i] = static_cast<std::uint8_t>((sum + kHalf) >> 8U);
-  }
-  pixels.resize(count);
-}
-
-// Rows without the gaps between them.
-std::vector<std::uint8_t> without_gaps(std::vector<std::uint8_t> data, std::size_t row_bytes,
-                                       std::size_t step, std::size_t rows) {
-  if (step != row_bytes) {
-    for (std::size_t row = 1; row < rows; ++row)
-      std::memmove(&data[row * row_bytes], &data[row * step], row_bytes);
-  }
-  data.resize(row_bytes * rows);
-  return data;
-}
-
-void swap_bytes(std::vector<std::uint8_t>& pixels) {
-  for (std::size_t i = 0; i + 1 < pixels.size(); i += 2) std::swap(pixels[i], pixels[i + 1]);
-}
-
-bool is_big_endian_machine() {
-  const std::uint16_t one = 1;
-  std::uint8_t first = 0;
-  std::memcpy(&first, &one, 1);
-  return first == 0;
-}
-
 Problem problem_with(const ros_sensors::Image_& image) {
   const std::optional<PixelFormat> format = pixel_format(image.encoding());
-  if (!format) return "encoding is none of mono8, mono16, rgb8, bgr8, rgba8, bgra8";
+  if (!format) return std::string("encoding is none of ") + kReadableEncodings;
   if (image.width() == 0 || image.height() == 0) return "image without pixels";
   if (image.width() > kMaxSide || image.height() > kMaxSide) return "image too large";
   if (image.step() < image.width() * format->bytes) return "rows of an image overlap";
@@ -195,12 +144,10 @@ Decoded<CameraImage> decode_image(const Bytes& bytes) {
   out.width = static_cast<int>(image.width());
   out.height = static_cast<int>(image.height());
   const PixelFormat format = *pixel_format(image.encoding());
-  out.pixels = without_gaps(std::move(image.data()), image.width() * format.bytes, image.step(),
-                            image.height());
-  if (format.red_green_blue) to_grey(format, out.pixels);
-  out.bytes_per_pixel = format.bytes == 2 ? 2 : 1;
-  const bool big_endian = image.is_bigendian() != 0;
-  if (out.bytes_per_pixel == 2 && big_endian != is_big_endian_machine()) swap_bytes(out.pixels);
+  const PixelRows rows{image.width(), image.height(), image.step(), image.is_bigendian() != 0};
+  out.bytes_per_pixel =
+      format.kind == PixelFormat::Kind::kGrey ? static_cast<int>(format.bytes) : 1;
+  out.pixels = grey_pixels(format, rows, std::move(image.data()));
   return out;
 }
 

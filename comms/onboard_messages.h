@@ -40,7 +40,7 @@ struct BodyMotion {
   std::uint8_t restarts = 0;  // how often the filter has begun anew: positions may have jumped
 };
 
-// sensor_msgs/Image: mono8 or mono16; rgb8, bgr8, rgba8 and bgra8 are read as well.
+// sensor_msgs/Image: mono8 or mono16; what else is read stands in image_pixels.h.
 // sensor_msgs/Imu: without orientation.
 [[nodiscard]] Bytes encode(const CameraImage& image);
 [[nodiscard]] Bytes encode(const ImuSample& sample);

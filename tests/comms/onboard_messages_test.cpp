@@ -12,6 +12,7 @@
 #include <random>
 
 #include "comms/cdr.h"
+#include "comms/image_pixels.h"
 #include "estimator/so3.h"
 #include "idl/onboard.h"
 #include "tests/comms/samples.h"
@@ -168,6 +169,21 @@ TEST(OnboardMessages, OfColoursTheBrightnessIsRead) {
   EXPECT_THAT(read_as("bgra8", true, true), grey);
 }
 
+TEST(OnboardMessages, AMosaicAndBrightnessBesideColourAreReadAsGreyOfOneByte) {
+  ImageFields mosaic;
+  mosaic.encoding = "bayer_rggb8";
+  mosaic.data = {40, 100, 40, 100, 200, 100};
+  EXPECT_THAT(decoded_image(mosaic).pixels, ElementsAre(110, 110, 110, 110, 110, 110));
+  ImageFields beside;
+  beside.encoding = "uyvy";
+  beside.width = 2;
+  beside.step = 4;
+  beside.data = {1, 10, 2, 20, 3, 30, 4, 40};
+  const CameraImage image = decoded_image(beside);
+  EXPECT_THAT(image.pixels, ElementsAre(10, 20, 30, 40));
+  EXPECT_EQ(image.bytes_per_pixel, 1);
+}
+
 TEST(OnboardMessages, AnImuSampleIsReadAsRos2WritesIt) {
   const auto decoded = decode_imu(imu_bytes(0.1));
   ASSERT_EQ(reason(decoded), "accepted");
@@ -232,8 +248,9 @@ TEST(OnboardMessages, WhatIsNoImageIsRefusedWithItsReason) {
     change(fields);
     return reason(decode_image(image_bytes(fields)));
   };
-  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "yuv422"; }),
-            "encoding is none of mono8, mono16, rgb8, bgr8, rgba8, bgra8");
+  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "jpeg"; }),
+            std::string("encoding is none of ") + kReadableEncodings);
+  EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "yuyv"; }), "rows of an image overlap");
   EXPECT_EQ(refused([](ImageFields& f) { f.encoding = "bgr8"; }), "rows of an image overlap");
   EXPECT_EQ(refused([](ImageFields& f) { f.width = 0; }), "image without pixels");
   EXPECT_EQ(refused([](ImageFields& f) { f.height = 0; }), "image without pixels");
