@@ -12,6 +12,7 @@
 
 #include "apps/agent_command.h"
 #include "apps/evaluate_command.h"
+#include "apps/import_command.h"
 #include "apps/inspect_command.h"
 #include "apps/keys_command.h"
 #include "apps/lab_command.h"
@@ -68,6 +69,7 @@ int run(int argc, char** argv) {
   covey::add_team_command(covey);
   covey::add_agent_command(covey);
   covey::add_play_command(covey);
+  covey::add_import_command(covey);
   covey::add_evaluate_command(covey);
   covey::add_report_command(covey);
   covey::add_inspect_command(covey);

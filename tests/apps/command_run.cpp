@@ -5,6 +5,7 @@
 #include <exception>
 
 #include "apps/evaluate_command.h"
+#include "apps/import_command.h"
 #include "apps/inspect_command.h"
 #include "apps/simulate_command.h"
 #include "apps/train_vocabulary_command.h"
@@ -14,6 +15,7 @@ namespace covey {
 void run_command(const std::string& arguments) {
   CLI::App covey;
   add_evaluate_command(covey);
+  add_import_command(covey);
   add_inspect_command(covey);
   add_simulate_command(covey);
   add_train_vocabulary_command(covey);

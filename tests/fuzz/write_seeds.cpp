@@ -59,6 +59,7 @@ void write_files(const std::filesystem::path& folder) {
       "clock_ms,event,peer,keyframe_id\n0.5,asked,uav1,3\n",
       "0.1,0.2\n0.3,0.4\n",
       "\x89PNG\r\n\x1a\n",
+      std::string("\x89MCAP0\r\n\x0f\x04\0\0\0\0\0\0\0\0\0\0\0", 21),
   };
   char reader = 0;
   for (const std::string& content : contents) {

@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/import_command.h"
+
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/dataset.h"
+#include "apps/png_file.h"
+#include "apps/progress.h"
+#include "apps/ros2_bag.h"
+#include "apps/stop_signal.h"
+#include "comms/onboard_messages.h"
+#include "sim/dataset_writer.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kImageType = "sensor_msgs/msg/Image";
+constexpr const char* kImuType = "sensor_msgs/msg/Imu";
+constexpr const char* kPx4ImuType = "px4_msgs/msg/SensorCombined";
+
+struct Options {
+  std::string bag, sensors, image_topic, imu_topic, out;
+  std::optional<double> first_stamp_s;
+};
+
+using Types = std::vector<std::string>;
+
+bool is_of(const Types& types, const BagTopic& topic) {
+  return std::find(types.begin(), types.end(), topic.type) != types.end();
+}
+
+std::string names_of(const std::vector<BagTopic>& topics) {
+  std::string names;
+  for (const BagTopic& topic : topics) names += (names.empty() ? "" : ", ") + topic.name;
+  return names.empty() ? "none" : names;
+}
+
+// The one that is named, or the only one of its kind. `option`: that names it.
+BagTopic choose_topic(const Ros2Bag& bag, const Options& options, const std::string& named,
+                      const std::string& option, const Types& types) {
+  std::vector<BagTopic> fitting;
+  std::copy_if(bag.topics().begin(), bag.topics().end(), std::back_inserter(fitting),
+               [&](const BagTopic& topic) {
+                 return is_of(types, topic) && (named.empty() || topic.name == named);
+               });
+  if (fitting.size() == 1) return fitting.front();
+  if (!named.empty()) {
+    throw std::runtime_error(options.bag + ": no topic " + named + " of type " + types.front() +
+                             "; topics: " + names_of(bag.topics()));
+  }
+  if (fitting.empty()) throw std::runtime_error(options.bag + ": no topic of " + types.front());
+  throw std::runtime_error(options.bag + ": several topics of " + types.front() + " (" +
+                           names_of(fitting) + "): choose one with " + option);
+}
+
+// What was left out, and why: a line for each reason in the end.
+class LeftOut {
+ public:
+  void count(const std::string& reason) { ++counts_[reason]; }
+  void warn(const std::string& topic) const {
+    for (const auto& [reason, count] : counts_)
+      spdlog::warn("{}: left out {} of its messages: {}", topic, count, reason);
+  }
+  // Nothing is left.
+  [[noreturn]] void fail(const std::string& topic) const {
+    const std::string reason = counts_.empty() ? "it has no message" : counts_.begin()->first;
+    throw std::runtime_error(topic + ": nothing of it can be used: " + reason);
+  }
+
+ private:
+  std::map<std::string, std::size_t> counts_;
+};
+
+void stop_if_asked() {
+  if (stop_requested()) throw std::runtime_error("import: interrupted, nothing has been written");
+}
+
+cv::Mat pixels_of(CameraImage& image) {
+  const int type = image.bytes_per_pixel == 2 ? CV_16UC1 : CV_8UC1;
+  return {image.height, image.width, type, image.pixels.data()};
+}
+
+void require_size(const CameraImage& image, const CameraIntrinsics& camera, const Options& options,
+                  const BagTopic& topic) {
+  if (image.width == camera.width && image.height == camera.height) return;
+  const auto size = [](int width, int height) {
+    return std::to_string(width) + "x" + std::to_string(height);
+  };
+  throw std::runtime_error(topic.name + ": images of " + size(image.width, image.height) +
+                           ", but " + options.sensors + "/cam0/sensor.yaml is of a camera of " +
+                           size(camera.width, camera.height));
+}
+
+// By how much stamps are moved, which the first image decides. Images that are not newer than the
+// one before are left out: tracks need them in order.
+TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntrinsics& camera,
+                     const Options& options, const fs::path& cam0) {
+  ImageList list(cam0);
+  Progress progress(topic.messages);
+  LeftOut left_out;
+  std::optional<TimeNs> newest_ns;
+  TimeNs shift_ns = 0;
+  std::size_t read = 0;
+  bag.read(topic.name, [&](const Bytes& message) {
+    stop_if_asked();
+    progress.show(++read);
+    Decoded<CameraImage> decoded = decode_image(message);
+    if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
+      left_out.count(rejected->reason);
+      return true;
+    }
+    auto& image = std::get<CameraImage>(decoded);
+    require_size(image, camera, options, topic);
+    if (!newest_ns && options.first_stamp_s)
+      shift_ns = nanoseconds(*options.first_stamp_s) - image.stamp_ns;
+    if (newest_ns && image.stamp_ns <= *newest_ns) {
+      left_out.count("not newer than the one before");
+      return true;
+    }
+    newest_ns = image.stamp_ns;
+    write_png(list.add(image.stamp_ns + shift_ns).string(), pixels_of(image));
+    return true;
+  });
+  if (!newest_ns) left_out.fail(topic.name);
+  list.close();
+  left_out.warn(topic.name);
+  return shift_ns;
+}
+
+// Sorted: drivers say some samples late, and a filter that reads a file need not mind.
+std::vector<ImuSample> read_imu(const Ros2Bag& bag, const BagTopic& topic, TimeNs shift_ns) {
+  const auto decode = topic.type == kPx4ImuType ? decode_px4_imu : decode_imu;
+  std::vector<ImuSample> samples;
+  LeftOut left_out;
+  bag.read(topic.name, [&](const Bytes& message) {
+    stop_if_asked();
+    const Decoded<ImuSample> decoded = decode(message);
+    if (const auto* sample = std::get_if<ImuSample>(&decoded)) {
+      samples.push_back(*sample);
+      samples.back().stamp_ns += shift_ns;
+    } else {
+      left_out.count(std::get<Rejected>(decoded).reason);
+    }
+    return true;
+  });
+  std::stable_sort(samples.begin(), samples.end(),
+                   [](const ImuSample& a, const ImuSample& b) { return a.stamp_ns < b.stamp_ns; });
+  const auto same_time = [&](const ImuSample& a, const ImuSample& b) {
+    if (a.stamp_ns != b.stamp_ns) return false;
+    left_out.count("a second one of the same time");
+    return true;
+  };
+  samples.erase(std::unique(samples.begin(), samples.end(), same_time), samples.end());
+  if (samples.empty()) left_out.fail(topic.name);
+  left_out.warn(topic.name);
+  return samples;
+}
+
+void copy_sensor_file(const Options& options, const fs::path& mav0, const char* sensor) {
+  fs::create_directories(mav0 / sensor);
+  const fs::path file = fs::path(sensor) / "sensor.yaml";
+  fs::copy_file(fs::path(options.sensors) / file, mav0 / file);
+}
+
+void import_bag(const Options& options) {
+  catch_stop_signals();
+  const Dataset sensors = read_sensors(options.sensors);
+  const Ros2Bag bag(options.bag);
+  const BagTopic images =
+      choose_topic(bag, options, options.image_topic, "--image-topic", {kImageType});
+  const BagTopic imu =
+      choose_topic(bag, options, options.imu_topic, "--imu-topic", {kImuType, kPx4ImuType});
+  StagedFolder folder(options.out);
+  const fs::path mav0 = folder.path() / "mav0";
+  copy_sensor_file(options, mav0, "cam0");
+  copy_sensor_file(options, mav0, "imu0");
+  const TimeNs shift_ns = import_images(bag, images, sensors.camera, options, mav0 / "cam0");
+  write_imu_csv(mav0 / "imu0" / "data.csv", read_imu(bag, imu, shift_ns));
+  const Dataset written = read_dataset(mav0);  // as whoever flies it will
+  folder.commit();
+  for (const std::string& warning : written.warnings) spdlog::warn("{}", warning);
+  std::printf("%s: %zu images in %.1f s, %zu IMU samples\n", options.out.c_str(),
+              written.images.size(),
+              seconds_between(written.images.front().stamp_ns, written.images.back().stamp_ns),
+              written.imu.size());
+}
+
+}  // namespace
+
+void add_import_command(CLI::App& covey) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = covey.add_subcommand("import", "A bag of ROS 2 as a folder to be flown");
+  command->footer(
+      "Example: covey import bags/uav0 --sensors calibration/uav0 --out data/yard/uav0\n"
+      "         covey team data/yard --out runs/yard --unknown-start\n"
+      "Images as covey agent hears them: grey, colours, Bayer's mosaics; no compressed ones.");
+  command->add_option("bag", options->bag, "Folder of ros2 bag record, or its .db3 or .mcap file")
+      ->required()
+      ->type_name("BAG");
+  command
+      ->add_option("--sensors", options->sensors,
+                   "Folder with cam0/sensor.yaml and imu0/sensor.yaml, which are copied")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--out", options->out, "The drone's folder to write; must not exist yet")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--image-topic", options->image_topic,
+                      "sensor_msgs/msg/Image (default: the only one)");
+  command->add_option("--imu-topic", options->imu_topic,
+                      "sensor_msgs/msg/Imu or px4_msgs/msg/SensorCombined (default: the only one)");
+  command
+      ->add_option("--first-stamp", options->first_stamp_s,
+                   "s; moves all stamps so that the first image has this one: puts flights of "
+                   "different times side by side")
+      ->check(CLI::Range(1.0, 4e9));
+  command->callback([options] { import_bag(*options); });
+}
+
+}  // namespace covey

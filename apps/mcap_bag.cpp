@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Storage mcap of rosbag2 (https://mcap.dev/spec): records of a kind, a length and that many bytes,
+// little-endian; most of them in chunks, which may be compressed. Indices and summaries are not
+// needed, so a recording that was cut short is read as far as it goes.
+#include <zstd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "apps/bag_file.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::array<char, 8> kMagic = {'\x89', 'M', 'C', 'A', 'P', '0', '\r', '\n'};
+constexpr std::uint64_t kMaxRecord = std::uint64_t{1} << 30U;  // bytes
+
+enum Kind : std::uint8_t { kSchema = 3, kChannel = 4, kMessage = 5, kChunk = 6, kDataEnd = 15 };
+
+class Unreadable : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct Record {
+  std::uint8_t kind = 0;
+  Bytes content;
+};
+
+// Fields one after the other. Throws Unreadable where there are fewer bytes than that.
+class Fields {
+ public:
+  explicit Fields(const Bytes& bytes) : bytes_(bytes) {}
+
+  [[nodiscard]] bool at_end() const { return at_ == bytes_.size(); }
+  template <typename Unsigned>
+  Unsigned number() {
+    const std::uint8_t* const first = next(sizeof(Unsigned));
+    std::uint64_t value = 0;
+    for (std::size_t i = sizeof(Unsigned); i-- > 0;) value = value << 8U | first[i];
+    return static_cast<Unsigned>(value);
+  }
+  std::string text() {
+    const auto size = number<std::uint32_t>();
+    const std::uint8_t* const first = next(size);
+    return {first, first + size};
+  }
+  Bytes bytes(std::uint64_t size) {
+    const std::uint8_t* const first = next(size);
+    return {first, first + size};
+  }
+  Bytes rest() { return bytes(bytes_.size() - at_); }
+
+ private:
+  const std::uint8_t* next(std::uint64_t size) {
+    if (size > bytes_.size() - at_) throw Unreadable("fields end too early");
+    const std::uint8_t* const first = bytes_.data() + at_;
+    at_ += size;
+    return first;
+  }
+
+  const Bytes& bytes_;
+  std::size_t at_ = 0;
+};
+
+struct Message {
+  BagTopic topic;
+  std::int64_t stamp_ns = 0;
+  Bytes data;
+};
+
+// Keeps in mind what channels carry. Those of other encodings than CDR are left out.
+class MessageReader {
+ public:
+  std::optional<Message> read(const Record& record) {
+    Fields fields(record.content);
+    switch (record.kind) {
+      case kSchema: {
+        const auto id = fields.number<std::uint16_t>();
+        types_[id] = fields.text();
+        return std::nullopt;
+      }
+      case kChannel: {
+        const auto id = fields.number<std::uint16_t>();
+        const auto schema = fields.number<std::uint16_t>();
+        const std::string topic = fields.text();
+        if (fields.text() == "cdr") topics_[id] = {topic, types_[schema], 0};
+        return std::nullopt;
+      }
+      case kMessage: {
+        const auto topic = topics_.find(fields.number<std::uint16_t>());
+        if (topic == topics_.end()) return std::nullopt;
+        (void)fields.number<std::uint32_t>();  // how many before it
+        const auto stamp_ns = static_cast<std::int64_t>(fields.number<std::uint64_t>());
+        (void)fields.number<std::uint64_t>();  // when it was said
+        return Message{topic->second, stamp_ns, fields.rest()};
+      }
+      default:
+        return std::nullopt;
+    }
+  }
+  [[nodiscard]] const std::map<std::uint16_t, BagTopic>& topics() const { return topics_; }
+
+ private:
+  std::map<std::uint16_t, std::string> types_;  // by schema
+  std::map<std::uint16_t, BagTopic> topics_;    // by channel
+};
+
+Bytes unpacked(const std::string& compression, const Bytes& packed, std::uint64_t size) {
+  if (compression.empty()) return packed;
+  if (compression != "zstd") throw Unreadable("chunks are compressed by " + compression);
+  if (size > kMaxRecord) throw Unreadable("chunk too large");
+  Bytes plain(size);
+  const std::size_t unpacked =
+      ZSTD_decompress(plain.data(), plain.size(), packed.data(), packed.size());
+  if (ZSTD_isError(unpacked) != 0U || unpacked != size)
+    throw Unreadable("chunk that cannot be unpacked");
+  return plain;
+}
+
+class McapBag : public BagFile {
+ public:
+  explicit McapBag(fs::path file) : file_(std::move(file)) {
+    std::map<std::string, BagTopic> by_name;
+    begin_ns_ = std::numeric_limits<std::int64_t>::max();
+    (void)read_all([&](const Message& message) {
+      ++by_name.try_emplace(message.topic.name, message.topic).first->second.messages;
+      begin_ns_ = std::min(begin_ns_, message.stamp_ns);
+      return true;
+    });
+    if (by_name.empty()) begin_ns_ = 0;
+    for (auto& [name, topic] : by_name) topics_.push_back(std::move(topic));
+  }
+
+  [[nodiscard]] std::vector<BagTopic> topics() const override { return topics_; }
+  [[nodiscard]] std::int64_t begin_ns() const override { return begin_ns_; }
+  bool read(const std::string& topic, const TakeMessage& take) const override {
+    return read_all(
+        [&](const Message& message) { return message.topic.name != topic || take(message.data); });
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& why) const {
+    throw std::runtime_error(file_.string() + ": no MCAP file that can be read: " + why);
+  }
+
+  // False if `take` has had enough.
+  template <typename Take>
+  bool read_all(const Take& take) const {
+    std::ifstream in(file_, std::ios::binary);
+    std::array<char, kMagic.size()> magic{};
+    if (!in.read(magic.data(), magic.size()) || magic != kMagic) fail("another beginning");
+    MessageReader reader;
+    try {
+      while (const std::optional<Record> record = next(in)) {
+        if (record->kind == kDataEnd) return true;
+        if (!(record->kind == kChunk ? read_chunk(record->content, reader, take)
+                                     : read_one(*record, reader, take)))
+          return false;
+      }
+    } catch (const Unreadable& error) {
+      fail(error.what());
+    }
+    return true;
+  }
+
+  template <typename Take>
+  static bool read_one(const Record& record, MessageReader& reader, const Take& take) {
+    const std::optional<Message> message = reader.read(record);
+    return !message || take(*message);
+  }
+
+  template <typename Take>
+  static bool read_chunk(const Bytes& content, MessageReader& reader, const Take& take) {
+    Fields chunk(content);
+    (void)chunk.number<std::uint64_t>();  // first and last stamp
+    (void)chunk.number<std::uint64_t>();
+    const auto size = chunk.number<std::uint64_t>();
+    (void)chunk.number<std::uint32_t>();  // checksum
+    const std::string compression = chunk.text();
+    const auto packed_size = chunk.number<std::uint64_t>();
+    const Bytes records = unpacked(compression, chunk.bytes(packed_size), size);
+    Fields fields(records);
+    while (!fields.at_end()) {
+      Record record;
+      record.kind = fields.number<std::uint8_t>();
+      const auto record_size = fields.number<std::uint64_t>();
+      record.content = fields.bytes(record_size);
+      if (!read_one(record, reader, take)) return false;
+    }
+    return true;
+  }
+
+  // None at the end, or where the file was cut short.
+  static std::optional<Record> next(std::ifstream& in) {
+    Bytes head(1 + sizeof(std::uint64_t));
+    if (!in.read(reinterpret_cast<char*>(head.data()), static_cast<std::streamsize>(head.size())))
+      return std::nullopt;
+    Fields fields(head);
+    Record record;
+    record.kind = fields.number<std::uint8_t>();
+    const auto size = fields.number<std::uint64_t>();
+    if (size > kMaxRecord) throw Unreadable("record too large");
+    record.content.resize(size);
+    if (!in.read(reinterpret_cast<char*>(record.content.data()),
+                 static_cast<std::streamsize>(size)))
+      return std::nullopt;
+    return record;
+  }
+
+  fs::path file_;
+  std::vector<BagTopic> topics_;
+  std::int64_t begin_ns_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<BagFile> open_mcap_bag(const fs::path& file) {
+  return std::make_unique<McapBag>(file);
+}
+
+}  // namespace covey

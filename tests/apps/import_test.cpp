@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Bags of ROS 2, written here as `ros2 bag record` writes them, become a drone's folder.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <zstd.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "apps/dataset.h"
+#include "apps/ros2_bag.h"
+#include "comms/onboard_messages.h"
+#include "sim/dataset_writer.h"
+#include "tests/apps/command_run.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr TimeNs kSecond_ns = 1'000'000'000;
+constexpr TimeNs kBegin_ns = 1'700'000'000 * kSecond_ns;
+constexpr TimeNs kImagePeriod_ns = 50'000'000, kImuPeriod_ns = 5'000'000;
+
+class BagWriter {
+ public:
+  explicit BagWriter(const fs::path& file) {
+    fs::create_directories(file.parent_path());
+    if (sqlite3_open(file.c_str(), &database_) != SQLITE_OK) throw std::runtime_error("no bag");
+    run("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+        "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)");
+    run("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, "
+        "timestamp INTEGER NOT NULL, data BLOB NOT NULL)");
+    run("CREATE INDEX timestamp_idx ON messages (timestamp ASC)");
+    run("BEGIN");
+  }
+  ~BagWriter() {
+    EXPECT_EQ(sqlite3_exec(database_, "COMMIT", nullptr, nullptr, nullptr), SQLITE_OK);
+    sqlite3_close(database_);
+  }
+  BagWriter(const BagWriter&) = delete;
+  BagWriter& operator=(const BagWriter&) = delete;
+
+  int add_topic(const std::string& name, const std::string& type) {
+    run("INSERT INTO topics(name, type, serialization_format, offered_qos_profiles) VALUES('" +
+        name + "', '" + type + "', 'cdr', '')");
+    return static_cast<int>(sqlite3_last_insert_rowid(database_));
+  }
+  void add(int topic, TimeNs stamp_ns, const Bytes& message) {
+    sqlite3_stmt* row = nullptr;
+    sqlite3_prepare_v2(database_,
+                       "INSERT INTO messages(topic_id, timestamp, data) VALUES(?1, ?2, ?3)", -1,
+                       &row, nullptr);
+    sqlite3_bind_int(row, 1, topic);
+    sqlite3_bind_int64(row, 2, stamp_ns);
+    sqlite3_bind_blob(row, 3, message.data(), static_cast<int>(message.size()), SQLITE_TRANSIENT);
+    sqlite3_step(row);
+    sqlite3_finalize(row);
+  }
+
+ private:
+  void run(const std::string& command) {
+    if (sqlite3_exec(database_, command.c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
+      throw std::runtime_error(sqlite3_errmsg(database_));
+  }
+
+  sqlite3* database_ = nullptr;
+};
+
+// Records of MCAP, as https://mcap.dev/spec has them.
+class McapBytes {
+ public:
+  template <typename Unsigned>
+  McapBytes& put(Unsigned value) {
+    for (std::size_t i = 0; i < sizeof(Unsigned); ++i)
+      bytes_.push_back(static_cast<char>(static_cast<std::uint64_t>(value) >> (8 * i) & 0xffU));
+    return *this;
+  }
+  McapBytes& text(const std::string& value) {
+    put(static_cast<std::uint32_t>(value.size()));
+    return raw(value);
+  }
+  McapBytes& raw(const std::string& value) {
+    bytes_ += value;
+    return *this;
+  }
+  McapBytes& record(std::uint8_t kind, const McapBytes& content) {
+    return put(kind).put(std::uint64_t{content.bytes_.size()}).raw(content.bytes_);
+  }
+  McapBytes& message(std::uint16_t channel, TimeNs stamp_ns, const Bytes& data) {
+    const auto stamp = static_cast<std::uint64_t>(stamp_ns);
+    McapBytes content;
+    content.put(channel).put(std::uint32_t{0}).put(stamp).put(stamp);
+    return record(5, content.raw({data.begin(), data.end()}));
+  }
+  // These records as a chunk.
+  [[nodiscard]] McapBytes chunk(const std::string& compression) const {
+    std::string records = bytes_;
+    if (compression == "zstd") {
+      records.resize(ZSTD_compressBound(bytes_.size()));
+      records.resize(
+          ZSTD_compress(records.data(), records.size(), bytes_.data(), bytes_.size(), 1));
+    }
+    McapBytes content;
+    content.put(std::uint64_t{0}).put(std::uint64_t{0}).put(std::uint64_t{bytes_.size()});
+    content.put(std::uint32_t{0}).text(compression).put(std::uint64_t{records.size()});
+    return McapBytes().record(6, content.raw(records));
+  }
+  [[nodiscard]] const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+const std::string kMcapBegin("\x89MCAP0\r\n");
+
+McapBytes mcap_topic(std::uint16_t id, const std::string& name, const std::string& type,
+                     const std::string& encoding = "cdr") {
+  McapBytes schema, channel;
+  schema.put(id).text(type).text("ros2msg").text("");
+  channel.put(id).put(id).text(name).text(encoding).text("");
+  return McapBytes().record(3, schema).record(4, channel);
+}
+
+CameraImage image_at(int index, int width, int height, int bytes_per_pixel) {
+  CameraImage image;
+  image.stamp_ns = kBegin_ns + index * kImagePeriod_ns;
+  image.width = width;
+  image.height = height;
+  image.bytes_per_pixel = bytes_per_pixel;
+  for (int i = 0; i < width * height * bytes_per_pixel; ++i)
+    image.pixels.push_back(static_cast<std::uint8_t>(7 * i + index));
+  return image;
+}
+
+ImuSample sample_at(int index) {
+  return {kBegin_ns + index * kImuPeriod_ns, {0.01, 0.02, 0.001 * index}, {0.1, -0.2, 9.81}};
+}
+
+class Import : public testing::Test {
+ protected:
+  Import() {
+    fs::create_directories(sensors() / "cam0");
+    fs::create_directories(sensors() / "imu0");
+    write_camera(kWidth);
+    write_imu_file(sensors() / "imu0" / "sensor.yaml", ImuNoise(), 200, "an IMU");
+  }
+
+  [[nodiscard]] fs::path sensors() const { return folder_.path() / "calibration"; }
+  [[nodiscard]] fs::path bag() const { return folder_.path() / "bag"; }
+  [[nodiscard]] fs::path out() const { return folder_.path() / "team" / "uav0"; }
+  [[nodiscard]] std::string command(const std::string& more = "") const {
+    return "import " + bag().string() + " --sensors " + sensors().string() + " --out " +
+           out().string() + " " + more;
+  }
+
+  void write_camera(int width) const {
+    CameraDescription camera;
+    camera.intrinsics.width = width;
+    camera.intrinsics.height = kHeight;
+    camera.intrinsics.fx = camera.intrinsics.fy = 10;
+    write_camera_file(sensors() / "cam0" / "sensor.yaml", camera);
+  }
+
+  // Images `from` .. `until` and the IMU from one period before the first to one after the last.
+  void record(const std::string& file, int from, int until, int bytes_per_pixel = 1) const {
+    BagWriter writer(bag() / file);
+    const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
+    const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    writer.add_topic("/tf", "tf2_msgs/msg/TFMessage");
+    constexpr int kRatio = kImagePeriod_ns / kImuPeriod_ns;
+    for (int i = kRatio * (from - 1); i < kRatio * (until + 1); ++i)
+      writer.add(imu, sample_at(i).stamp_ns, encode(sample_at(i)));
+    for (int i = from; i < until; ++i) {
+      const CameraImage image = image_at(i, kWidth, kHeight, bytes_per_pixel);
+      writer.add(camera, image.stamp_ns, encode(image));
+    }
+  }
+
+  static constexpr int kWidth = 8, kHeight = 6;
+  TemporaryFolder folder_;
+};
+
+TEST_F(Import, WhatWasRecordedIsInTheFolder) {
+  record("flight_0.db3", 0, 5);
+  run_command(command());
+  const Dataset dataset = read_recording(out() / "mav0");
+  ASSERT_EQ(dataset.images.size(), 5U);
+  for (int i = 0; i < 5; ++i) {
+    const CameraImage recorded = image_at(i, kWidth, kHeight, 1);
+    const ImageEntry& entry = dataset.images[static_cast<std::size_t>(i)];
+    EXPECT_EQ(entry.stamp_ns, recorded.stamp_ns);
+    const cv::Mat pixels = read_image(entry, kWidth, kHeight);
+    EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend), recorded.pixels);
+  }
+  ASSERT_EQ(dataset.imu.size(), 70U);
+  EXPECT_EQ(dataset.imu.front().stamp_ns, sample_at(-10).stamp_ns);
+  EXPECT_LT((dataset.imu[30].gyro_imu - sample_at(20).gyro_imu).norm(), 1e-9);
+  EXPECT_LT((dataset.imu[30].accel_imu - sample_at(20).accel_imu).norm(), 1e-9);
+}
+
+TEST_F(Import, SixteenBitsStaySixteenBits) {
+  record("flight_0.db3", 0, 3, 2);
+  run_command(command());
+  const Dataset dataset = read_recording(out() / "mav0");
+  EXPECT_TRUE(dataset.thermal);
+  const cv::Mat pixels = read_image(dataset.images[1], kWidth, kHeight);
+  ASSERT_EQ(pixels.type(), CV_16UC1);
+  EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend),
+            image_at(1, kWidth, kHeight, 2).pixels);
+}
+
+TEST_F(Import, FilesOfOneRecordingAreReadInItsOrder) {
+  record("flight_10.db3", 6, 9);
+  record("flight_9.db3", 0, 5);
+  run_command(command());
+  const Dataset dataset = read_recording(out() / "mav0");
+  ASSERT_EQ(dataset.images.size(), 8U);
+  EXPECT_EQ(dataset.images[5].stamp_ns, image_at(6, kWidth, kHeight, 1).stamp_ns);
+  EXPECT_EQ(Ros2Bag(bag()).topics().front().messages, 8U);
+}
+
+TEST_F(Import, FlightsOfDifferentTimesArePutSideBySide) {
+  record("flight_0.db3", 0, 3);
+  run_command(command("--first-stamp 1000"));
+  const Dataset dataset = read_recording(out() / "mav0");
+  EXPECT_EQ(dataset.images.front().stamp_ns, 1000 * kSecond_ns);
+  EXPECT_EQ(dataset.images.back().stamp_ns, 1000 * kSecond_ns + 2 * kImagePeriod_ns);
+  EXPECT_EQ(dataset.imu.front().stamp_ns, 1000 * kSecond_ns - 10 * kImuPeriod_ns);
+}
+
+TEST_F(Import, WhatCannotBeUsedIsLeftOut) {
+  record("flight_0.db3", 0, 3);
+  {
+    BagWriter writer(bag() / "flight_1.db3");
+    const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
+    const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    const TimeNs later_ns = kBegin_ns + kSecond_ns;
+    writer.add(camera, later_ns, {1, 2, 3});
+    writer.add(camera, later_ns, encode(image_at(2, kWidth, kHeight, 1)));  // said twice
+    writer.add(imu, later_ns, encode(sample_at(5)));
+    writer.add(imu, later_ns, Bytes(40, 0xff));
+    ImuSample late = sample_at(5);
+    late.stamp_ns += kImuPeriod_ns / 2;
+    writer.add(imu, later_ns, encode(late));
+  }
+  run_command(command());
+  const Dataset dataset = read_recording(out() / "mav0");
+  EXPECT_EQ(dataset.images.size(), 3U);
+  EXPECT_EQ(dataset.imu.size(), 51U) << "the late one is put where it belongs";
+}
+
+TEST_F(Import, AnAutopilotsImuIsFlownToo) {
+  record("flight_0.db3", 0, 3);
+  {
+    BagWriter writer(bag() / "flight_1.db3");
+    const int imu = writer.add_topic("/fmu/out/sensor_combined", "px4_msgs/msg/SensorCombined");
+    for (int i = 0; i < 30; ++i)
+      writer.add(imu, sample_at(i).stamp_ns, encode_px4_imu(sample_at(i)));
+  }
+  EXPECT_THAT(complaint_of(command()), AllOf(HasSubstr("/fmu/out/sensor_combined, /imu/data_raw"),
+                                             HasSubstr("--imu-topic")));
+  run_command(command("--imu-topic /fmu/out/sensor_combined"));
+  const Dataset dataset = read_recording(out() / "mav0");
+  ASSERT_EQ(dataset.imu.size(), 30U);
+  EXPECT_LT((dataset.imu[3].accel_imu - sample_at(3).accel_imu).norm(), 1e-5);
+}
+
+// Three images and 50 IMU samples, and what nobody asks for.
+McapBytes recorded_mcap(int width, int height) {
+  McapBytes records;
+  records.raw(mcap_topic(1, "/camera/image_raw", "sensor_msgs/msg/Image").bytes())
+      .raw(mcap_topic(7, "/imu/data_raw", "sensor_msgs/msg/Imu").bytes())
+      .raw(mcap_topic(8, "/words", "std_msgs/msg/String", "json").bytes())
+      .message(8, kBegin_ns, {1, 2, 3});
+  for (int i = -10; i < 40; ++i) records.message(7, sample_at(i).stamp_ns, encode(sample_at(i)));
+  for (int i = 0; i < 3; ++i) {
+    const CameraImage image = image_at(i, width, height, 1);
+    records.message(1, image.stamp_ns, encode(image));
+  }
+  return records;
+}
+
+TEST_F(Import, McapIsReadInChunksPackedOrNot) {
+  const McapBytes records = recorded_mcap(kWidth, kHeight);
+  const McapBytes end = McapBytes().record(15, McapBytes().put(std::uint32_t{0}));
+  for (const McapBytes& data : {records, records.chunk(""), records.chunk("zstd")}) {
+    const std::string file = McapBytes().raw(kMcapBegin).raw(data.bytes()).raw(end.bytes()).bytes();
+    folder_.write("bag/flight_0.mcap", file);
+    run_command(command());
+    const Dataset dataset = read_recording(out() / "mav0");
+    ASSERT_EQ(dataset.images.size(), 3U);
+    ASSERT_EQ(dataset.imu.size(), 50U);
+    EXPECT_LT((dataset.imu[17].gyro_imu - sample_at(7).gyro_imu).norm(), 1e-9);
+    const cv::Mat pixels = read_image(dataset.images[2], kWidth, kHeight);
+    EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend),
+              image_at(2, kWidth, kHeight, 1).pixels);
+    fs::remove_all(out());
+  }
+}
+
+TEST_F(Import, McapThatWasCutShortIsReadAsFarAsItGoes) {
+  std::string file = kMcapBegin + recorded_mcap(kWidth, kHeight).bytes();
+  file.resize(file.size() - 5);
+  folder_.write("bag/flight_0.mcap", file);
+  run_command(command());
+  EXPECT_EQ(read_recording(out() / "mav0").images.size(), 2U);
+}
+
+TEST_F(Import, McapThatMakesNoSenseIsRefused) {
+  const McapBytes records = recorded_mcap(kWidth, kHeight);
+  const auto complaint = [&](const std::string& after_begin) {
+    folder_.write("bag/flight_0.mcap", kMcapBegin + after_begin);
+    return complaint_of(command());
+  };
+  EXPECT_THAT(complaint(McapBytes().put(std::uint8_t{5}).put(~std::uint64_t{0}).bytes()),
+              HasSubstr("flight_0.mcap: no MCAP file that can be read: record too large"));
+  EXPECT_THAT(complaint(McapBytes().record(3, McapBytes().put(std::uint8_t{1})).bytes()),
+              HasSubstr("fields end too early"));
+  EXPECT_THAT(complaint(records.chunk("lz4").bytes()), HasSubstr("compressed by lz4"));
+  std::string packed = records.chunk("zstd").bytes();
+  packed[packed.find("\x28\xb5\x2f\xfd")] = 0;  // zstd's own beginning
+  EXPECT_THAT(complaint(packed), HasSubstr("cannot be unpacked"));
+  EXPECT_THAT(complaint(""), HasSubstr("no topic of sensor_msgs/msg/Image"));
+}
+
+TEST_F(Import, WhatIsWrongIsSaidInOneLineAndNothingIsWritten) {
+  EXPECT_THAT(complaint_of(command()), HasSubstr("bag: does not exist"));
+  fs::create_directories(bag());
+  EXPECT_THAT(complaint_of(command()), HasSubstr("holds no .db3 or .mcap file"));
+  folder_.write("bag/flight_0.db3", "not a database, though it is long enough to be one");
+  EXPECT_THAT(complaint_of(command()), HasSubstr("flight_0.db3: no bag of ROS 2"));
+  fs::remove(bag() / "flight_0.db3");
+  folder_.write("bag/flight_0.mcap", "");
+  EXPECT_THAT(complaint_of(command()), HasSubstr("flight_0.mcap: no MCAP file"));
+  fs::remove(bag() / "flight_0.mcap");
+  folder_.write("bag/flight_0.db3.zstd", "");
+  EXPECT_THAT(complaint_of(command()), HasSubstr("zstd -d"));
+  fs::remove(bag() / "flight_0.db3.zstd");
+  record("flight_0.db3", 0, 3);
+  EXPECT_THAT(complaint_of(command("--image-topic /imu/data_raw")),
+              HasSubstr("no topic /imu/data_raw of type sensor_msgs/msg/Image; topics: "
+                        "/camera/image_raw, /imu/data_raw, /tf"));
+  folder_.write("calibration/cam0/sensor.yaml", "rate_hz: 20\n");
+  EXPECT_THAT(complaint_of(command()), HasSubstr("sensor.yaml"));
+  EXPECT_FALSE(fs::exists(out()));
+  EXPECT_TRUE(!fs::exists(out().parent_path()) || fs::is_empty(out().parent_path()));
+}
+
+TEST_F(Import, ImagesOfAnotherSizeThanTheCalibrationsAreRefused) {
+  write_camera(2 * kWidth);
+  record("flight_0.db3", 0, 3);
+  EXPECT_THAT(complaint_of(command()),
+              AllOf(HasSubstr("/camera/image_raw: images of 8x6"), HasSubstr("camera of 16x6")));
+  EXPECT_TRUE(fs::is_empty(out().parent_path()));
+}
+
+TEST_F(Import, ATopicOfWhichNothingCanBeUsedIsNamed) {
+  {
+    BagWriter writer(bag() / "flight_0.db3");
+    const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
+    writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    writer.add(camera, kBegin_ns, Bytes(40, 0x28));  // as compressed messages are
+  }
+  EXPECT_THAT(complaint_of(command()), HasSubstr("/camera/image_raw: nothing of it can be used"));
+}
+
+}  // namespace
+}  // namespace covey
