@@ -1,9 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimator/chi_square.h"
 
+#include <math.h>  // lgamma_r, which is POSIX's
+
 #include <cmath>
 
 namespace covey {
+namespace {
+
+// std::lgamma tells the sign in a variable that all threads share.
+double log_gamma(double x) {
+  int sign = 0;
+  return ::lgamma_r(x, &sign);
+}
+
+}  // namespace
 
 double chi_square_cdf(double value, int degrees_of_freedom) {
   if (value <= 0) return 0;
@@ -18,7 +29,7 @@ double chi_square_cdf(double value, int degrees_of_freedom) {
     sum += term;
     if (term < 1e-15 * sum) break;
   }
-  return sum * std::exp(a * std::log(x) - x - std::lgamma(a));
+  return sum * std::exp(a * std::log(x) - x - log_gamma(a));
 }
 
 double chi_square_quantile(double confidence, int degrees_of_freedom) {
