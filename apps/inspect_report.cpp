@@ -67,7 +67,8 @@ Json to_json(const ThermalComparison& compared) {
   return {{"gain_error",
            {{"over_third_of_a_second", to_json(compared.third)},
             {"over_a_second", to_json(compared.second)},
-            {"since_the_chain_began", to_json(compared.chain)}}},
+            {"since_the_chain_began", to_json(compared.chain)},
+            {"within_the_chain", to_json(compared.within_chain)}}},
           {"field_rms_ratio", to_json(compared.field_rms)},
           {"field_rms_ratio_without_slope", to_json(compared.field_rms_without_slope)},
           {"true_field_k", to_json(compared.true_field_k)}};

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 #include "sim/field_slope.h"
@@ -76,11 +77,34 @@ std::optional<GainErrors> errors_over(const std::vector<Compared>& images, doubl
   return sum.errors();
 }
 
+double gain_ratio(const Compared& image) { return image.estimate.map.gain / image.truth.map.gain; }
+
 std::optional<GainErrors> errors_of_chains(const std::vector<Compared>& images) {
   ErrorSum sum;
   for (const Compared& image : images) {
     if (seconds_between(image.truth.chain_ns, image.truth.stamp_ns) < kSettled_s) continue;
-    sum.add(std::abs(image.estimate.map.gain / image.truth.map.gain - 1));
+    sum.add(std::abs(gain_ratio(image) - 1));
+  }
+  return sum.errors();
+}
+
+std::optional<GainErrors> errors_within_chains(const std::vector<Compared>& images) {
+  ErrorSum sum;
+  for (auto first = images.begin(); first != images.end();) {
+    const auto last = std::find_if(first, images.end(), [&](const Compared& image) {
+      return image.truth.chain_ns != first->truth.chain_ns;
+    });
+    const double log_factor = std::accumulate(first, last, 0.0,
+                                              [](double all, const Compared& image) {
+                                                return all + std::log(gain_ratio(image));
+                                              }) /
+                              static_cast<double>(last - first);
+    if (last - first > 1) {
+      std::for_each(first, last, [&](const Compared& image) {
+        sum.add(std::abs(gain_ratio(image) / std::exp(log_factor) - 1));
+      });
+    }
+    first = last;
   }
   return sum.errors();
 }
@@ -150,6 +174,7 @@ ThermalComparison compare_with_truth(const std::vector<PhotometricRecord>& gains
   result.third = errors_over(images, 1.0 / 3);
   result.second = errors_over(images, 1.0);
   result.chain = errors_of_chains(images);
+  result.within_chain = errors_within_chains(images);
   for (const Compared& image : images) result.true_gains.push_back(image.truth);
   compare_all_fields(fields, truth, kelvin_per_count, result);
   return result;

@@ -30,6 +30,9 @@ struct ThermalComparison {
   // Of the gain between images of one chain, a third of a second, a second and the chain so far
   // apart. Empty when there are no such images.
   std::optional<GainErrors> third, second, chain;
+  // Of the gains of a chain, but for one factor that all of them share: which image a chain's gains
+  // are told against is arbitrary, and its own error is then in all of them.
+  std::optional<GainErrors> within_chain;
   // Of the field, its mean taken off, over that of the truth; mean over what was compared once
   // the chain is two seconds old. The same with the best plane taken off both: the slope along a
   // flow that is the same everywhere cannot be seen.

@@ -44,6 +44,7 @@ TEST(ThermalComparison, ACalibrationThatKnowsTheTruthHasNoError) {
   EXPECT_LT(compared.third->worst, 1e-12);
   EXPECT_LT(compared.second->worst, 1e-12);
   EXPECT_LT(compared.chain->worst, 1e-12);
+  EXPECT_LT(compared.within_chain->worst, 1e-12);
   EXPECT_FALSE(compared.field_rms.has_value());
   EXPECT_NEAR(compared.true_gains[7].map.offset, flight.gains[7].map.offset, 1e-9);
 }
@@ -59,6 +60,28 @@ TEST(ThermalComparison, ADriftingGainIsWrongByWhatItDriftsInTheTimeBetween) {
   EXPECT_NEAR(compared.chain->worst, std::pow(1.002, 39) - 1, 1e-9);
 }
 
+// Two chains, whose gains are all told a factor too large, and scatter by so much to either side.
+KnownFlight scaled_flight(double factor, double scatter) {
+  KnownFlight flight = known_flight();
+  const std::vector<PhotometricRecord> known = flight.gains;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    const PhotometricRecord& first = known[i < 10 ? 0 : 10];
+    flight.gains[i].chain_ns = first.stamp_ns;
+    flight.gains[i].map.gain =
+        known[i].map.gain / first.map.gain * factor * std::exp(i % 2 == 0 ? scatter : -scatter);
+  }
+  return flight;
+}
+
+TEST(ThermalComparison, WithinAChainOneFactorIsFree) {
+  const KnownFlight scaled = scaled_flight(1.3, 0), scattered = scaled_flight(1.3, 0.02);
+  const ThermalComparison compared = compare_with_truth(scaled.gains, {}, scaled.truth, {});
+  EXPECT_NEAR(compared.chain->worst, 0.3, 1e-9);
+  EXPECT_LT(compared.within_chain->worst, 1e-12);
+  EXPECT_NEAR(compare_with_truth(scattered.gains, {}, scattered.truth, {}).within_chain->mean, 0.02,
+              1e-3);
+}
+
 TEST(ThermalComparison, ImagesOfTwoChainsAreNotCompared) {
   KnownFlight flight = known_flight();
   for (std::size_t i = 0; i < flight.gains.size(); ++i) {
@@ -67,7 +90,7 @@ TEST(ThermalComparison, ImagesOfTwoChainsAreNotCompared) {
     record.map = {};
   }
   const ThermalComparison compared = compare_with_truth(flight.gains, {}, flight.truth, {});
-  EXPECT_FALSE(compared.third || compared.second || compared.chain);
+  EXPECT_FALSE(compared.third || compared.second || compared.chain || compared.within_chain);
 }
 
 TEST(ThermalComparison, OneImageIsComparedWithNone) {
