@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimator/chi_square.h"
 
-#include <math.h>  // lgamma_r, which is POSIX's
-
 #include <cmath>
 
 namespace covey {
 namespace {
 
-// std::lgamma tells the sign in a variable that all threads share.
+// As POSIX has it: std::lgamma tells the sign in a variable that all threads share.
 double log_gamma(double x) {
   int sign = 0;
   return ::lgamma_r(x, &sign);
