@@ -65,10 +65,8 @@ void CentralFilter::propagate(std::size_t drone, TimeNs stamp_ns) {
   Drone& d = drones_[drone];
   const EstimatorConfig& config = config_.estimator;
   if (!d.buffer.covers(stamp_ns)) throw std::logic_error("central filter: image before its IMU");
-  int gaps = 0;
-  const ImuIncrement increment =
-      integrate_imu(d.buffer.between(d.imu.stamp_ns, stamp_ns, config.max_imu_gap_s, gaps),
-                    d.imu.gyro_bias, d.imu.accel_bias, config.imu_noise);
+  const ImuIncrement increment = integrate_imu(d.buffer.between(d.imu.stamp_ns, stamp_ns),
+                                               d.imu.gyro_bias, d.imu.accel_bias, config.imu_noise);
   d.buffer.forget_before(stamp_ns);
   const Eigen::Vector3d g(0, 0, -config.gravity);
   const ImuState end = carried_over(d.imu, increment, stamp_ns, g);

@@ -89,6 +89,24 @@ std::string gap_warning(const fs::path& file, const ImuGap& gap) {
   return file.string() + text;
 }
 
+// What of the images the IMU does not reach, and so is not flown.
+std::vector<std::string> coverage_warnings(const fs::path& imu_csv, const Dataset& dataset) {
+  constexpr double kWorthSaying_s = 0.1;
+  std::vector<std::string> warnings;
+  const auto warn = [&](double missing_s, const char* where) {
+    if (missing_s <= kWorthSaying_s) return;
+    char text[96];
+    std::snprintf(text, sizeof text, ": %s by %.1f s: what lies beyond is not flown", where,
+                  missing_s);
+    warnings.push_back(imu_csv.string() + text);
+  };
+  warn(seconds_between(dataset.images.front().stamp_ns, dataset.imu.front().stamp_ns),
+       "begins after the images");
+  warn(seconds_between(dataset.imu.back().stamp_ns, dataset.images.back().stamp_ns),
+       "ends before the images");
+  return warnings;
+}
+
 struct Span {
   fs::path file;
   TimeNs first_ns = 0;
@@ -221,6 +239,7 @@ Dataset read_dataset(const fs::path& mav0) {
   dataset.imu = read_imu(imu_csv);
   require_overlap(images, {imu_csv, dataset.imu.front().stamp_ns, dataset.imu.back().stamp_ns},
                   "the IMU");
+  dataset.warnings = coverage_warnings(imu_csv, dataset);
   dataset.imu_gaps = find_gaps(dataset.imu);
   for (const ImuGap& gap : dataset.imu_gaps) dataset.warnings.push_back(gap_warning(imu_csv, gap));
 

@@ -221,6 +221,11 @@ Odometry Pipeline::with_team(const Odometry& alone) const {
 
 void Pipeline::start_if_possible(TimeNs stamp_ns) {
   const TimeNs moment_ns = imu_moment(stamp_ns);
+  const TimeNs held_ns = nanoseconds(config_.estimator.max_imu_gap_s);
+  if (recent_imu_.empty() || recent_imu_.front().stamp_ns > moment_ns + held_ns) {
+    not_started_ = "its IMU has not begun by this image";
+    return;
+  }
   std::vector<ImuSample> until_image;
   for (const ImuSample& sample : recent_imu_) {
     if (sample.stamp_ns <= moment_ns) until_image.push_back(sample);

@@ -115,7 +115,7 @@ struct Estimator::Impl {
 
   double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
   void start(const State& initial);
-  std::vector<ImuSample> propagate(TimeNs stamp_ns, UpdateReport& report);
+  std::optional<ImuInterval> propagate(TimeNs stamp_ns, UpdateReport& report);
   bool is_newest(TimeNs image_stamp_ns) const;
   bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
@@ -175,11 +175,11 @@ void Estimator::Impl::start(const State& initial) {
   health.begin(*state);
 }
 
-std::vector<ImuSample> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
+std::optional<ImuInterval> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateReport& report) {
   const ImuState& now = state->imu();
-  if (stamp_ns <= now.stamp_ns || !imu.covers(stamp_ns)) return {};
-  std::vector<ImuSample> interval =
-      imu.between(now.stamp_ns, stamp_ns, config.max_imu_gap_s, report.imu_gaps);
+  if (stamp_ns <= now.stamp_ns || !imu.covers(stamp_ns)) return std::nullopt;
+  report.imu_gaps += imu.gaps_ending(now.stamp_ns, stamp_ns, config.max_imu_gap_s);
+  ImuInterval interval = imu.between(now.stamp_ns, stamp_ns);
   const auto carry = [&](State& carried) {
     const ImuIncrement increment = integrate_imu(interval, carried.imu().gyro_bias,
                                                  carried.imu().accel_bias, config.imu_noise);
@@ -523,9 +523,9 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     self.refuse_image(stamp_ns, report);
     return report;
   }
-  const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
+  const std::optional<ImuInterval> interval = self.propagate(stamp_ns, report);
   const bool at_start = stamp_ns == self.state->imu().stamp_ns && self.state->clones().empty();
-  if (interval.empty() && !at_start) {
+  if (!interval && !at_start) {
     self.refuse_image(stamp_ns, report);
     return report;
   }
@@ -533,18 +533,17 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   self.end_waiting(measurement.stamp_ns, report);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
-  if (self.config.zero_velocity_updates && !interval.empty() &&
-      self.stillness.visually_still(self.config) &&
+  if (self.config.zero_velocity_updates && interval && self.stillness.visually_still(self.config) &&
       inertially_still(self.imu.last(stamp_ns, self.config.still_window_s), self.config,
                        self.state->imu().gyro_bias)) {
     report.zero_velocity =
-        update_zero_velocity(*self.state, *self.still_update, interval, self.config);
+        update_zero_velocity(*self.state, *self.still_update, interval->samples, self.config);
     if (report.zero_velocity) self.glimpsed.reset();
   }
   const bool keyframe = self.becomes_keyframe(measurement.stamp_ns, tracks);
   const Eigen::Vector3d rate =
-      interval.empty() ? Eigen::Vector3d::Zero().eval()
-                       : (interval.back().gyro_imu - self.state->imu().gyro_bias).eval();
+      interval ? (interval->samples.back().gyro_imu - self.state->imu().gyro_bias).eval()
+               : Eigen::Vector3d::Zero().eval();
   const auto clone = [&](State& state) {
     state.add_clone(self.next_clone_id, measurement.stamp_ns, keyframe, rate);
   };
@@ -572,10 +571,10 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   if (!self.state) return report;
   const double start = self.now_ms();
   const TimeNs stamp_ns = image_stamp_ns + nanoseconds(self.state->extrinsics().time_offset_s);
-  const std::vector<ImuSample> interval = self.propagate(stamp_ns, report);
-  report.propagated = !interval.empty();
+  const std::optional<ImuInterval> interval = self.propagate(stamp_ns, report);
+  report.propagated = interval.has_value();
   if (report.propagated) {
-    self.health.pass(stamp_ns, interval, self.config);
+    self.health.pass(stamp_ns, *interval, self.config);
     self.end_waiting(image_stamp_ns, report);
   } else {
     self.refuse_image(stamp_ns, report);

@@ -25,7 +25,7 @@ void FilterHealth::begin(const State& state) {
 }
 
 Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::size_t tracks,
-                           bool seeing, const std::vector<ImuSample>& interval,
+                           bool seeing, const std::optional<ImuInterval>& interval,
                            const EstimatorConfig& config) {
   const int used = report.slam_used + report.msckf_used;
   const int gated = report.slam_gated + report.msckf_gated;
@@ -35,7 +35,7 @@ Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::
     begin(state);
     return Remedy::kNone;
   }
-  carry(interval, config);
+  if (interval) carry(*interval, config);
   const double blind_s = seconds_between(healthy_ns_, state.imu().stamp_ns);
   if (possible && blind_s < kDegradedAfter_s) return Remedy::kNone;
   status_ = FilterStatus::kDegraded;
@@ -44,7 +44,7 @@ Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::
   return seeing && tracks >= kEnoughTracks && for_long ? Remedy::kLookAgain : Remedy::kNone;
 }
 
-void FilterHealth::pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval,
+void FilterHealth::pass(TimeNs stamp_ns, const ImuInterval& interval,
                         const EstimatorConfig& config) {
   carry(interval, config);
   miss(stamp_ns);
@@ -54,8 +54,8 @@ void FilterHealth::miss(TimeNs stamp_ns) {
   if (seconds_between(healthy_ns_, stamp_ns) >= kDegradedAfter_s) status_ = FilterStatus::kDegraded;
 }
 
-void FilterHealth::carry(const std::vector<ImuSample>& interval, const EstimatorConfig& config) {
-  if (!interval.empty()) healthy_ = dead_reckoned(healthy_, interval, config);
+void FilterHealth::carry(const ImuInterval& interval, const EstimatorConfig& config) {
+  healthy_ = dead_reckoned(healthy_, interval, config);
 }
 
 }  // namespace covey

@@ -4,9 +4,10 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
+#include <optional>
 
 #include "estimator/estimator.h"
+#include "estimator/imu_increment.h"
 #include "estimator/state.h"
 
 namespace covey {
@@ -26,10 +27,10 @@ class FilterHealth {
   // for seconds, no feature is accepted though there are many, or the motion is impossible.
   // `seeing`: the first visual update has been made. `interval`: what led to this image.
   [[nodiscard]] Remedy watch(const State& state, const UpdateReport& report, std::size_t tracks,
-                             bool seeing, const std::vector<ImuSample>& interval,
+                             bool seeing, const std::optional<ImuInterval>& interval,
                              const EstimatorConfig& config);
   // An image to which the IMU alone has led.
-  void pass(TimeNs stamp_ns, const std::vector<ImuSample>& interval, const EstimatorConfig& config);
+  void pass(TimeNs stamp_ns, const ImuInterval& interval, const EstimatorConfig& config);
   // An image at which nothing is known.
   void miss(TimeNs stamp_ns);
   void restarted() { status_ = FilterStatus::kLost; }
@@ -40,7 +41,7 @@ class FilterHealth {
   [[nodiscard]] const CoreState& healthy() const { return healthy_; }
 
  private:
-  void carry(const std::vector<ImuSample>& interval, const EstimatorConfig& config);
+  void carry(const ImuInterval& interval, const EstimatorConfig& config);
 
   FilterStatus status_ = FilterStatus::kUninitialized;
   TimeNs healthy_ns_ = 0;

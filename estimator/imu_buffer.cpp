@@ -2,9 +2,6 @@
 #include "estimator/imu_buffer.h"
 
 #include <algorithm>
-#include <limits>
-
-#include "estimator/imu_increment.h"
 
 namespace covey {
 namespace {
@@ -27,27 +24,42 @@ bool ImuBuffer::covers(TimeNs stamp_ns) const {
   return !samples_.empty() && samples_.back().stamp_ns >= stamp_ns;
 }
 
-std::vector<ImuSample> ImuBuffer::between(TimeNs from_ns, TimeNs to_ns, double max_gap_s,
-                                          int& gaps) const {
-  std::vector<ImuSample> result;
-  const auto at = [&](TimeNs stamp_ns) {
-    const auto after = std::lower_bound(samples_.begin(), samples_.end(), stamp_ns, earlier);
-    if (after == samples_.begin()) return ImuSample{stamp_ns, after->gyro_imu, after->accel_imu};
-    return interpolate(*(after - 1), *after, stamp_ns);
+ImuInterval ImuBuffer::between(TimeNs from_ns, TimeNs to_ns) const {
+  const auto after = [&](TimeNs stamp_ns) {
+    return std::lower_bound(samples_.begin(), samples_.end(), stamp_ns, earlier);
   };
-  result.push_back(at(from_ns));
-  auto next = std::lower_bound(samples_.begin(), samples_.end(), from_ns + 1, earlier);
-  for (; next != samples_.end() && next->stamp_ns < to_ns; ++next) result.push_back(*next);
-  result.push_back(at(to_ns));
-  for (std::size_t i = 1; i < result.size(); ++i) {
-    if (seconds_between(result[i - 1].stamp_ns, result[i].stamp_ns) > max_gap_s) ++gaps;
-  }
-  return result;
+  const auto at = [&](TimeNs stamp_ns) {
+    const auto later = after(stamp_ns);
+    if (later == samples_.begin()) return ImuSample{stamp_ns, later->gyro_imu, later->accel_imu};
+    return interpolate(*(later - 1), *later, stamp_ns);
+  };
+  // Between the measured samples around a moment; before the first one from that moment on.
+  const auto span_s = [&](auto later, TimeNs moment_ns) {
+    const TimeNs begin_ns = later == samples_.begin() ? moment_ns : (later - 1)->stamp_ns;
+    return seconds_between(begin_ns, later->stamp_ns);
+  };
+  ImuInterval interval;
+  interval.first_span_s = span_s(after(from_ns + 1), from_ns);
+  interval.last_span_s = span_s(after(to_ns), from_ns);
+  interval.samples.push_back(at(from_ns));
+  for (auto next = after(from_ns + 1); next->stamp_ns < to_ns; ++next)
+    interval.samples.push_back(*next);
+  interval.samples.push_back(at(to_ns));
+  return interval;
 }
 
-std::vector<ImuSample> ImuBuffer::since(TimeNs from_ns) const {
+ImuInterval ImuBuffer::since(TimeNs from_ns) const {
+  return between(from_ns, samples_.back().stamp_ns);
+}
+
+int ImuBuffer::gaps_ending(TimeNs from_ns, TimeNs to_ns, double max_gap_s) const {
   int gaps = 0;
-  return between(from_ns, samples_.back().stamp_ns, std::numeric_limits<double>::infinity(), gaps);
+  for (auto later = std::lower_bound(samples_.begin(), samples_.end(), from_ns + 1, earlier);
+       later != samples_.end() && later->stamp_ns <= to_ns; ++later) {
+    const TimeNs begin_ns = later == samples_.begin() ? from_ns : (later - 1)->stamp_ns;
+    if (seconds_between(begin_ns, later->stamp_ns) > max_gap_s) ++gaps;
+  }
+  return gaps;
 }
 
 std::vector<ImuSample> ImuBuffer::last(TimeNs to_ns, double window_s) const {

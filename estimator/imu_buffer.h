@@ -5,6 +5,7 @@
 #include <deque>
 #include <vector>
 
+#include "estimator/imu_increment.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -19,12 +20,14 @@ class ImuBuffer {
 
   [[nodiscard]] bool covers(TimeNs stamp_ns) const;
 
-  // Samples from `from_ns` to `to_ns`, both ends interpolated (held before the first sample). Needs
-  // covers(to_ns). `gaps` counts neighbours further apart than `max_gap_s`.
-  [[nodiscard]] std::vector<ImuSample> between(TimeNs from_ns, TimeNs to_ns, double max_gap_s,
-                                               int& gaps) const;
+  // From `from_ns` to `to_ns`, both ends interpolated (held before the first sample). Needs
+  // covers(to_ns) and from_ns < to_ns.
+  [[nodiscard]] ImuInterval between(TimeNs from_ns, TimeNs to_ns) const;
   // Up to the newest sample. Needs covers(from_ns + 1).
-  [[nodiscard]] std::vector<ImuSample> since(TimeNs from_ns) const;
+  [[nodiscard]] ImuInterval since(TimeNs from_ns) const;
+  // How often neighbours are further apart than `max_gap_s`, the later one in (from_ns, to_ns]; the
+  // first one of all counts from `from_ns`.
+  [[nodiscard]] int gaps_ending(TimeNs from_ns, TimeNs to_ns, double max_gap_s) const;
   // Samples of the last `window_s` before `to_ns`.
   [[nodiscard]] std::vector<ImuSample> last(TimeNs to_ns, double window_s) const;
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "estimator/imu_increment.h"
 
+#include <algorithm>
 #include <cassert>
 
 #include "estimator/so3.h"
@@ -11,10 +12,19 @@ namespace {
 // One step between neighbouring samples, bias removed: mean rate, specific force at both ends.
 struct Step {
   double dt_s;
+  double span_s;                // between the measured samples around it
   Eigen::Vector3d rate;         // rad/s
   Eigen::Vector3d force_start;  // m/s2
   Eigen::Vector3d force_end;    // m/s2
 };
+
+double square(double x) { return x * x; }
+
+// In a gap rate and specific force are Brownian bridges, whose integral over all of it has a
+// variance of wander^2 span^3 / 12: as white noise of that density, per second.
+double in_gap(double wander, const Step& step, const ImuNoise& noise) {
+  return step.span_s > noise.max_gap_s ? square(wander * step.span_s) / 12 : 0;
+}
 
 // The error of [position velocity rotation] carried over one step, and what white noise adds to it.
 void propagate_covariance(ImuIncrement& sum, const Step& step, const Eigen::Matrix3d& R_start,
@@ -29,27 +39,14 @@ void propagate_covariance(ImuIncrement& sum, const Step& step, const Eigen::Matr
   F.block<3, 3>(6, 6) = R_step.transpose();
   sum.covariance = F * sum.covariance * F.transpose();
 
-  const double accel = noise.accel_density * noise.accel_density;
-  const double gyro = noise.gyro_density * noise.gyro_density;
+  const double accel = square(noise.accel_density) + in_gap(noise.accel_wander, step, noise);
+  const double gyro = square(noise.gyro_density) + in_gap(noise.gyro_wander, step, noise);
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
   sum.covariance.block<3, 3>(0, 0) += accel * dt * dt * dt / 3 * I;
   sum.covariance.block<3, 3>(0, 3) += accel * dt * dt / 2 * I;
   sum.covariance.block<3, 3>(3, 0) += accel * dt * dt / 2 * I;
   sum.covariance.block<3, 3>(3, 3) += accel * dt * I;
   sum.covariance.block<3, 3>(6, 6) += gyro * dt * I;
-}
-
-// What the integrals of a Brownian bridge add, which is what the motion does in a gap.
-void add_wander(ImuIncrement& sum, double dt, const ImuNoise& noise) {
-  const double accel = noise.accel_wander * noise.accel_wander;
-  const double gyro = noise.gyro_wander * noise.gyro_wander;
-  const double dt3 = dt * dt * dt;
-  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
-  sum.covariance.block<3, 3>(0, 0) += accel * dt3 * dt * dt / 45 * I;
-  sum.covariance.block<3, 3>(0, 3) += accel * dt3 * dt / 24 * I;
-  sum.covariance.block<3, 3>(3, 0) += accel * dt3 * dt / 24 * I;
-  sum.covariance.block<3, 3>(3, 3) += accel * dt3 / 12 * I;
-  sum.covariance.block<3, 3>(6, 6) += gyro * dt3 / 12 * I;
 }
 
 void add_step(ImuIncrement& sum, const Step& step, const ImuNoise& noise) {
@@ -59,7 +56,6 @@ void add_step(ImuIncrement& sum, const Step& step, const ImuNoise& noise) {
   const Eigen::Matrix3d R_step = exp_so3(angle);
   const Eigen::Matrix3d R_end = R_start * R_step;
   propagate_covariance(sum, step, R_start, R_step, noise);
-  if (dt > noise.max_gap_s) add_wander(sum, dt, noise);
 
   // Derivatives of the rotated forces at both ends by the gyro bias.
   const Eigen::Matrix3d J_rotation_end =
@@ -84,8 +80,9 @@ void add_step(ImuIncrement& sum, const Step& step, const ImuNoise& noise) {
 
 }  // namespace
 
-ImuIncrement integrate_imu(const std::vector<ImuSample>& samples, const Eigen::Vector3d& gyro_bias,
+ImuIncrement integrate_imu(const ImuInterval& interval, const Eigen::Vector3d& gyro_bias,
                            const Eigen::Vector3d& accel_bias, const ImuNoise& noise) {
+  const std::vector<ImuSample>& samples = interval.samples;
   assert(samples.size() >= 2);
   ImuIncrement sum;
   for (std::size_t i = 1; i < samples.size(); ++i) {
@@ -93,9 +90,12 @@ ImuIncrement integrate_imu(const std::vector<ImuSample>& samples, const Eigen::V
     const ImuSample& end = samples[i];
     const double dt = seconds_between(start.stamp_ns, end.stamp_ns);
     if (dt <= 0) continue;
+    double span = dt;
+    if (i == 1) span = std::max(span, interval.first_span_s);
+    if (i + 1 == samples.size()) span = std::max(span, interval.last_span_s);
     add_step(sum,
-             {dt, (start.gyro_imu + end.gyro_imu) / 2 - gyro_bias, start.accel_imu - accel_bias,
-              end.accel_imu - accel_bias},
+             {dt, span, (start.gyro_imu + end.gyro_imu) / 2 - gyro_bias,
+              start.accel_imu - accel_bias, end.accel_imu - accel_bias},
              noise);
   }
   return sum;

@@ -31,9 +31,19 @@ struct ImuIncrement {
   Eigen::Matrix<double, 9, 9> covariance = Eigen::Matrix<double, 9, 9>::Zero();
 };
 
-// `samples`: at least two, in time order; the first and the last bound the interval. Between two
-// samples rate and specific force are taken as linear in time.
-[[nodiscard]] ImuIncrement integrate_imu(const std::vector<ImuSample>& samples,
+// What is known of the motion between two instants.
+struct ImuInterval {
+  // At least two, in time order; the first and the last bound the interval, and may be interpolated
+  // or held. Between two samples rate and specific force are taken as linear in time.
+  std::vector<ImuSample> samples;
+  // s, between the measured samples around the first and the last step, where those lie outside.
+  double first_span_s = 0, last_span_s = 0;
+};
+
+// Where measured samples lie farther apart than noise.max_gap_s the motion between them wanders. An
+// image may fall into such a gap: each part of it gets its share of what the whole adds, which is
+// more than it alone would have, since the parts are taken for independent of each other.
+[[nodiscard]] ImuIncrement integrate_imu(const ImuInterval& interval,
                                          const Eigen::Vector3d& gyro_bias,
                                          const Eigen::Vector3d& accel_bias, const ImuNoise& noise);
 

@@ -61,13 +61,13 @@ Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,
   return Q;
 }
 
-CoreState dead_reckoned(const CoreState& start, const std::vector<ImuSample>& samples,
+CoreState dead_reckoned(const CoreState& start, const ImuInterval& interval,
                         const EstimatorConfig& config) {
   const Eigen::Vector3d g(0, 0, -config.gravity);
   const ImuIncrement increment =
-      integrate_imu(samples, start.imu.gyro_bias, start.imu.accel_bias, config.imu_noise);
+      integrate_imu(interval, start.imu.gyro_bias, start.imu.accel_bias, config.imu_noise);
   CoreState end = start;
-  end.imu = carried_over(start.imu, increment, samples.back().stamp_ns, g);
+  end.imu = carried_over(start.imu, increment, interval.samples.back().stamp_ns, g);
   Eigen::MatrixXd F = Eigen::MatrixXd::Identity(start.covariance.rows(), start.covariance.cols());
   F.topLeftCorner<State::kImuSize, State::kImuSize>() =
       transition(increment, start.imu, end.imu, g);

@@ -29,8 +29,8 @@ using Matrix15d = Eigen::Matrix<double, State::kImuSize, State::kImuSize>;
 [[nodiscard]] Matrix15d process_noise(const ImuIncrement& increment, const Eigen::Matrix3d& R,
                                       const ImuNoise& noise);
 
-// After an interval of which only the IMU tells; `samples` as for integrate_imu().
-[[nodiscard]] CoreState dead_reckoned(const CoreState& start, const std::vector<ImuSample>& samples,
+// After an interval of which only the IMU tells.
+[[nodiscard]] CoreState dead_reckoned(const CoreState& start, const ImuInterval& interval,
                                       const EstimatorConfig& config);
 
 }  // namespace covey

@@ -264,6 +264,15 @@ TEST_F(DatasetTest, EmptyFilesAreRefused) {
   expect_refused("imu0/data.csv", "holds no IMU samples");
 }
 
+TEST_F(DatasetTest, ImagesThatTheImuDoesNotReachAreReported) {
+  write("cam0/data.csv",
+        std::string("#timestamp [ns],filename\n500000000,a.png\n1050000000,b.png\n") +
+            "1900000000,c.png\n");
+  EXPECT_THAT(read_dataset(mav0()).warnings,
+              ElementsAre(AllOf(HasSubstr("imu0/data.csv: begins after"), HasSubstr("0.5 s")),
+                          AllOf(HasSubstr("imu0/data.csv: ends before"), HasSubstr("0.8 s"))));
+}
+
 TEST_F(DatasetTest, AnImuGapIsReportedAndNotFatal) {
   std::string csv = imu_csv();
   for (int stamp = 1010; stamp <= 1040; stamp += 5) {

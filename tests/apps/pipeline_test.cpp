@@ -173,6 +173,9 @@ class Drone {
     return pipeline_.add_image(image.stamp_ns,
                                read_image(image, dataset_.camera.width, dataset_.camera.height));
   }
+  void lose_imu_before(std::size_t index) {
+    while (dataset_.imu[next_imu_ + 1].stamp_ns <= dataset_.images.at(index).stamp_ns) ++next_imu_;
+  }
   // As if the camera saw a wall.
   ImageResult fly_blind(std::size_t index) {
     return fly(index, cv::Mat(dataset_.camera.height, dataset_.camera.width, CV_8UC1, 100.0));
@@ -272,6 +275,18 @@ TEST(Pipeline, OfImagesThatTheImuDoesNotReachNothingIsTold) {
     EXPECT_FALSE(drone.fly_without_imu(i).odometry);
   }
   EXPECT_EQ(drone.pipeline().status().status, FilterStatus::kDegraded);
+}
+
+TEST(Pipeline, NobodyStartsBeforeTheImuBegins) {
+  Drone drone("uav0", FlightMode::kSolo);
+  drone.lose_imu_before(3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    (void)drone.fly(i);
+    EXPECT_FALSE(drone.pipeline().started()) << i;
+  }
+  EXPECT_EQ(drone.pipeline().not_started(), "its IMU has not begun by this image");
+  (void)drone.fly(3);
+  EXPECT_TRUE(drone.pipeline().started());
 }
 
 std::set<std::uint64_t> lasting_tracks(const TrackedFrame& frame) {

@@ -26,8 +26,8 @@ const FilledWindow& window() {
 // An image's interval of 1/30 s of a 200 Hz IMU, and the covariance carried over it.
 void BM_Propagation(benchmark::State& timing) {
   State state = window().state;
-  const std::vector<ImuSample> interval(window().last_interval.begin(),
-                                        window().last_interval.begin() + 8);
+  const std::vector<ImuSample>& samples = window().last_interval.samples;
+  const ImuInterval interval{{samples.begin(), samples.begin() + 8}};
   for (auto _ : timing) {
     const ImuState& now = state.imu();
     const ImuIncrement increment =

@@ -21,8 +21,8 @@ struct FilledWindow {
   EstimatorConfig config;
   FeatureSimulation simulation;
   State state;
-  std::vector<Track> tracks;             // seen in every clone
-  std::vector<ImuSample> last_interval;  // the IMU between the last two clones
+  std::vector<Track> tracks;  // seen in every clone
+  ImuInterval last_interval;  // the IMU between the last two clones
 };
 
 inline FeatureScenario window_scenario() {
@@ -68,9 +68,8 @@ inline FilledWindow filled_window(std::uint64_t seed, std::size_t first_image = 
     const CameraMeasurement& image = drone.camera[first_image + k];
     State& state = window.state;
     if (k > 0) {
-      int gaps = 0;
       const ImuState& now = state.imu();
-      window.last_interval = imu.between(now.stamp_ns, image.stamp_ns, config.max_imu_gap_s, gaps);
+      window.last_interval = imu.between(now.stamp_ns, image.stamp_ns);
       state.propagate(
           integrate_imu(window.last_interval, now.gyro_bias, now.accel_bias, config.imu_noise),
           image.stamp_ns, config.gravity, config.imu_noise);

@@ -78,7 +78,7 @@ TEST(FilterHealth, GoesBackToTheHealthyStateCarriedOnByTheImu) {
   health.begin(state_at(0, {1, 0, 0}));
   std::vector<ImuSample> level;
   for (int i = 0; i <= 100; ++i) level.push_back({nanoseconds(i / 100.0), {0, 0, 0}, {0, 0, 9.81}});
-  health.pass(nanoseconds(1), level, {});
+  health.pass(nanoseconds(1), {level}, {});
   EXPECT_NEAR(health.healthy().imu.pose.p_world_imu.x(), 1, 1e-9);
   EXPECT_EQ(health.status(), FilterStatus::kDegraded);
   EXPECT_EQ(health.healthy_ns(), 0);

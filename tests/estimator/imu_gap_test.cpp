@@ -28,9 +28,13 @@ DroneFeatures without_imu_for_a_moment(const FeatureScenario& scenario, std::uin
   return drone;
 }
 
-TEST(ImuGap, WhatHappensInItIsNotKnown) {
+// Images fall into the gap: more of them the faster they come.
+class ImuGap : public testing::TestWithParam<double> {};
+
+TEST_P(ImuGap, WhatHappensInItIsNotKnown) {
   constexpr double kMostNees = 1.5;  // over its degrees of freedom
   FeatureScenario scenario;
+  scenario.camera.rate_hz = GetParam();
   scenario.flight.scenario = Scenario::kCastleAround;
   scenario.flight.agents = 1;
   scenario.flight.duration_s = kJudgedUntil_s;
@@ -41,6 +45,7 @@ TEST(ImuGap, WhatHappensInItIsNotKnown) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const FilterRun run = run_filter(without_imu_for_a_moment(scenario, seed), config, seed);
     EXPECT_EQ(run.reinitialized, 0);
+    EXPECT_EQ(run.imu_gaps, 1);
     for (const ErrorSample& error : run.errors) {
       if (error.time_s < kGapFrom_s) continue;
       sum.position += error.position_nees / 3;
@@ -51,6 +56,8 @@ TEST(ImuGap, WhatHappensInItIsNotKnown) {
   EXPECT_LT(sum.position / count, kMostNees);
   EXPECT_LT(sum.orientation / count, kMostNees);
 }
+
+INSTANTIATE_TEST_SUITE_P(ImagesPerSecond, ImuGap, testing::Values(15.0, 30.0, 60.0));
 
 }  // namespace
 }  // namespace covey

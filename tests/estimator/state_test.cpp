@@ -72,7 +72,8 @@ Eigen::Vector3d measured(const Eigen::Vector3d& a_world) {
 }
 
 ImuState carried(const ImuState& start, const std::vector<ImuSample>& samples) {
-  return carried_over(start, integrate_imu(samples, start.gyro_bias, start.accel_bias, ImuNoise()),
+  return carried_over(start,
+                      integrate_imu({samples}, start.gyro_bias, start.accel_bias, ImuNoise()),
                       samples.back().stamp_ns, kGravity);
 }
 
@@ -88,7 +89,7 @@ TEST(ImuTransition, TheJacobianAgreesWithDifferences) {
   const std::vector<ImuSample> samples = wobble(0);
   const ImuState start = flying(), end = carried(start, samples);
   const ImuIncrement increment =
-      integrate_imu(samples, start.gyro_bias, start.accel_bias, ImuNoise());
+      integrate_imu({samples}, start.gyro_bias, start.accel_bias, ImuNoise());
   const auto at_end = [&](const Eigen::VectorXd& dx) {
     return difference(end, carried(moved(start, dx), samples));
   };
@@ -150,9 +151,10 @@ TEST(State, DeadReckoningIsThePropagationOfTheCore) {
   State state = calibrating_state();
   const EstimatorConfig config = calibrating();
   const std::vector<ImuSample> samples = wobble(0);
-  const CoreState alone = dead_reckoned(state.core(), samples, config);
-  state.propagate(integrate_imu(samples, flying().gyro_bias, flying().accel_bias, config.imu_noise),
-                  samples.back().stamp_ns, config.gravity, config.imu_noise);
+  const CoreState alone = dead_reckoned(state.core(), {samples}, config);
+  state.propagate(
+      integrate_imu({samples}, flying().gyro_bias, flying().accel_bias, config.imu_noise),
+      samples.back().stamp_ns, config.gravity, config.imu_noise);
   EXPECT_LT(difference(alone.imu, state.imu()).norm(), 1e-12);
   EXPECT_LT((alone.covariance - state.covariance()).norm(), 1e-12);
   EXPECT_EQ(alone.imu.stamp_ns, samples.back().stamp_ns);
@@ -203,8 +205,9 @@ State with_landmark_in_metres() {
   state.add_clone(1, 0, true, {0.3, -0.6, 0.9});
   const std::vector<ImuSample> samples = wobble(0);
   const EstimatorConfig config = calibrating();
-  state.propagate(integrate_imu(samples, flying().gyro_bias, flying().accel_bias, config.imu_noise),
-                  samples.back().stamp_ns, config.gravity, config.imu_noise);
+  state.propagate(
+      integrate_imu({samples}, flying().gyro_bias, flying().accel_bias, config.imu_noise),
+      samples.back().stamp_ns, config.gravity, config.imu_noise);
   state.add_clone(2, samples.back().stamp_ns, true, {0.2, 0.1, -0.4});
   const Eigen::Vector3d inverse_depth(0.3, -0.2, 0.2);
   Eigen::MatrixXd cross = Eigen::MatrixXd::Constant(3, state.dimension(), 1e-6);
@@ -265,7 +268,7 @@ TEST(State, WithASeparateScaleItPropagatesAsInMetres) {
   const std::vector<ImuSample> samples = steady(0.2, 0.2, {1, 2, 15});
   for (State* state : {&apart, &in_metres}) {
     state->forget_first_estimates();
-    state->propagate(integrate_imu(samples, imu.gyro_bias, imu.accel_bias, config.imu_noise),
+    state->propagate(integrate_imu({samples}, imu.gyro_bias, imu.accel_bias, config.imu_noise),
                      samples.back().stamp_ns, config.gravity, config.imu_noise);
   }
   const Eigen::MatrixXd P = in_metres.covariance();
@@ -282,7 +285,7 @@ double velocity_by_scale(const State& state, const Eigen::Vector3d& direction) {
 constexpr double kImage_s = 0.05;
 
 ImuIncrement image_at(const Eigen::Vector3d& a_world) {
-  return integrate_imu(steady(0, kImage_s, measured(a_world)), flying().gyro_bias,
+  return integrate_imu({steady(0, kImage_s, measured(a_world))}, flying().gyro_bias,
                        flying().accel_bias, calibrating().imu_noise);
 }
 

@@ -103,12 +103,12 @@ TEST(ImuIncrement, BiasDerivativesAgreeWithDifferences) {
   const std::vector<ImuSample> samples = wobble();
   const Eigen::Vector3d bg(0.01, -0.02, 0.03), ba(0.1, 0.05, -0.07);
   const ImuNoise noise;
-  const ImuIncrement at = integrate_imu(samples, bg, ba, noise);
+  const ImuIncrement at = integrate_imu({samples}, bg, ba, noise);
   constexpr double kStep = 1e-5;
   for (int i = 0; i < 3; ++i) {
     const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(i);
-    const ImuIncrement up = integrate_imu(samples, bg + step, ba, noise);
-    const ImuIncrement down = integrate_imu(samples, bg - step, ba, noise);
+    const ImuIncrement up = integrate_imu({samples}, bg + step, ba, noise);
+    const ImuIncrement down = integrate_imu({samples}, bg - step, ba, noise);
     const Eigen::Vector3d turned = (log_quaternion(at.rotation.conjugate() * up.rotation) -
                                     log_quaternion(at.rotation.conjugate() * down.rotation)) /
                                    (2 * kStep);
@@ -117,7 +117,7 @@ TEST(ImuIncrement, BiasDerivativesAgreeWithDifferences) {
               1e-5);
     EXPECT_LT((at.J_position_gyro_bias.col(i) - (up.position - down.position) / (2 * kStep)).norm(),
               1e-6);
-    const ImuIncrement faster = integrate_imu(samples, bg, ba + step, noise);
+    const ImuIncrement faster = integrate_imu({samples}, bg, ba + step, noise);
     EXPECT_LT((at.J_velocity_accel_bias.col(i) - (faster.velocity - at.velocity) / kStep).norm(),
               1e-7);
     EXPECT_LT((at.J_position_accel_bias.col(i) - (faster.position - at.position) / kStep).norm(),
