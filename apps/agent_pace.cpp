@@ -48,7 +48,7 @@ class Control {
   [[nodiscard]] bool has_team() const { return channel_.has_value(); }
 
   // False: stopped, or the team has gone.
-  [[nodiscard]] bool goes_on() const {
+  [[nodiscard]] bool goes_on() {
     return !stop_requested() && !(channel_ && channel_->closed());
   }
 

@@ -146,6 +146,11 @@ std::optional<std::string> LineChannel::take_line() {
   return line;
 }
 
+bool LineChannel::closed() {
+  read_available();
+  return end_of_file_ && buffer_.find('\n') == std::string::npos;
+}
+
 void LineChannel::read_available() {
   char chunk[4096];
   while (!end_of_file_) {

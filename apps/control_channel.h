@@ -88,8 +88,8 @@ class LineChannel {
   bool send(const std::string& line);
   // A whole line if one has arrived; does not wait.
   [[nodiscard]] std::optional<std::string> take_line();
-  // The other end has gone and no line is left.
-  [[nodiscard]] bool closed() const { return end_of_file_; }
+  // The other end has gone and no line is left. Does not wait.
+  [[nodiscard]] bool closed();
   // For those who do not speak in lines.
   [[nodiscard]] int descriptor() const { return fd_; }
 

@@ -179,6 +179,18 @@ TEST_F(Team, CtrlCStopsAllAndKeepsWhatWasFlown) {
   EXPECT_FALSE(find_process((run_ / "uav0" / "config.json").string()));
 }
 
+TEST_F(Team, NoDroneFliesOnWhenTheTeamWasKilled) {
+  CoveyProcess covey(command({"--pace", "0.2"}));
+  ASSERT_TRUE(covey.wait_for("flown")) << covey.output();
+  covey.send(SIGKILL);
+  EXPECT_EQ(covey.finish(), -SIGKILL);  // once nobody can write to its output any more
+  for (const char* drone : {"uav0", "uav1"}) {
+    const json agent = json::parse(file_content(run_ / drone / "agent_summary.json"));
+    EXPECT_LT(agent["frames"], COVEY_TEST_FLIGHT_FRAMES);
+    EXPECT_EQ(agent["incomplete"], "was stopped");
+  }
+}
+
 TEST_F(Team, CtrlCAtTheStartEndsAtOnceAndLeavesNothing) {
   CoveyProcess covey(command({"--unknown-start"}));
   while (!find_process((run_ / "uav0" / "config.json").string())) std::this_thread::yield();
