@@ -171,10 +171,14 @@ std::string world_name(const AgentConfig& config) {
   return config.initialisation.own_world ? config.agent.name + "/world" : "world";
 }
 
-std::optional<CameraImage> first_image(LiveSensors& sensors) {
+// Who waits for it is there for its peers, and says so in its folder. Nothing if stopped.
+std::optional<CameraImage> first_image(Agent& agent, LiveSensors& sensors) {
   std::optional<CameraImage> image;
   while (!image && !stop_requested()) {
     image = sensors.next_image();
+    agent.take_inbox();
+    agent.handle_messages();
+    agent.show_status();
     sensors.warn_of_trouble();
   }
   return image;
@@ -218,15 +222,23 @@ bool run_live_agent(const AgentConfig& config) {
   const OnboardConfig onboard = onboard_config(config);
   OnboardLink link(onboard, world_name(config), config.agent.name + "/imu");
   LiveSensors sensors(onboard, link, description.camera);
+  std::optional<Agent> agent(std::in_place, config, description, link);
   spdlog::info("listens to {} and {} in DDS domain {}", onboard.image_topic, onboard.imu_topic,
                onboard.domain);
-  std::optional<CameraImage> image = first_image(sensors);
-  if (!image) throw std::runtime_error("stopped before an image came on " + onboard.image_topic);
-  description.thermal = description.thermal || image->bytes_per_pixel == 2;
-  Agent agent(config, std::move(description), link);
-  fly_until_stopped(agent, link, sensors, std::move(image));
-  agent.count_dropped(sensors.dropped());
-  agent.finish();
+  std::optional<CameraImage> image = first_image(*agent, sensors);
+  if (!image) {
+    const std::string why = "stopped before an image came on " + onboard.image_topic;
+    agent->finish(why);
+    throw std::runtime_error(why);
+  }
+  if (image->bytes_per_pixel == 2 && !description.thermal) {
+    agent.reset();  // its images say what its sensor.yaml does not: it begins again
+    description.thermal = true;
+    agent.emplace(config, description, link);
+  }
+  fly_until_stopped(*agent, link, sensors, std::move(image));
+  agent->count_dropped(sensors.dropped());
+  agent->finish();
   return config.agent.duration_s == 0 || !stop_requested();
 }
 

@@ -21,6 +21,7 @@
 #include "apps/dataset.h"
 #include "apps/free_domain.h"
 #include "apps/json_file.h"
+#include "apps/run_files.h"
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
 #include "comms/sensor_player.h"
@@ -200,9 +201,42 @@ TEST_F(LiveFlight, SaysWhatIsSilentAndIsStoppedBeforeItsFirstImage) {
   CoveyProcess drone({"agent", "--config", config});
   ASSERT_TRUE(drone.wait_for("no image on camera/image_raw has come for 2 s")) << drone.output();
   ASSERT_TRUE(drone.wait_for("no sample on imu/data_raw has come for 2 s")) << drone.output();
+  CoveyProcess asked({"agent", "--is-flying", "--out", folder_.path() / "live"});
+  EXPECT_EQ(asked.finish(), 0) << "who waits is well";
   drone.send(SIGTERM);
   EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(summary("live")["incomplete"].get<std::string>(), HasSubstr("before an image came"));
   EXPECT_THAT(drone.output(), HasSubstr("stopped before an image came on camera/image_raw"));
+}
+
+TEST_F(LiveFlight, WhatIsWrongWithItsSettingsIsSaidBeforeAnyImageComes) {
+  json wanted = settings("live");
+  wanted["agent"]["mode"] = "collaborative";
+  wanted["link"] = {{"loopback_only", false}, {"interfaces", {"192.0.2.77"}}};
+  CoveyProcess drone({"agent", "--config", config_file(wanted)});
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(), HasSubstr("192.0.2.77"));
+}
+
+// Its sensor.yaml does not say that the camera is a thermal one.
+TEST_F(LiveFlight, ImagesOf16BitsAreFlownAsAThermalCameras) {
+  const OnboardConfig onboard = read_config(config_file(settings("live"))).onboard;
+  const std::string config = config_file(settings("live"));
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+  SensorPlayer player(onboard);
+  while (!player.is_heard()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  CameraImage image{nanoseconds(1), 752, 480, 2,
+                    std::vector<std::uint8_t>(std::size_t{2} * 752 * 480)};
+  for (int i = 0; i < 4; ++i) {  // three in a row are believed
+    player.play(ImuSample{image.stamp_ns - kSample_ns, {0, 0, 0}, {0, 0, 9.81}});
+    player.play(image);
+    image.stamp_ns += nanoseconds(0.05);
+  }
+  const fs::path thermal = folder_.path() / "live" / kThermalFile;
+  while (!fs::exists(thermal)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  drone.send(SIGTERM);
+  EXPECT_EQ(drone.finish(), 0) << drone.output();
 }
 
 TEST_F(LiveFlight, ImagesOfAnotherSizeAreNotFlown) {
