@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <functional>
 #include <string>
@@ -140,22 +141,32 @@ std::string calibrations(const RunData& data) {
 }
 
 std::string sections(const RunData& data) {
+  const bool own_worlds =
+      std::any_of(data.agents.begin(), data.agents.end(),
+                  [](const AgentRun& agent) { return agent.summary.alignments.has_value(); });
   return section(
              "Errors",
              "Absolute trajectory error, rmse over all images, after fitting position and yaw of "
-             "the whole trajectory to the truth. A NEES of 3 is that of an honest filter.",
+             "the whole trajectory to the truth; rotation not aligned. A NEES of 3 is that of an "
+             "honest filter.",
              error_table(data)) +
-         section("Trajectories", "As estimated in the world the drones share, not aligned.",
+         section("Where the others' worlds lie",
+                 "Each drone started in a world of its own. Found, against the truth, and one "
+                 "standard deviation as the drone itself says.",
+                 world_table(data)) +
+         section("Trajectories",
+                 own_worlds ? "As estimated, each in the world of its own start, not aligned."
+                            : "As estimated in the world the drones share, not aligned.",
                  trajectories(data)) +
          section("Distance to the truth",
                  "Over time, after fitting position and yaw; one scale for all drones.",
                  distances(data)) +
-         section(
-             "What the filters believe",
-             "Error in the shared world, not aligned, and three standard deviations either side.",
-             rows_of_charts(
-                 data, "four", {consistency_legend()},
-                 [&](const AgentRun& agent) { return consistency_charts(data, agent); })) +
+         section("What the filters believe",
+                 std::string("Error ") + (own_worlds ? "in the own world" : "in the shared world") +
+                     ", not aligned, and three standard deviations either side.",
+                 rows_of_charts(
+                     data, "four", {consistency_legend()},
+                     [&](const AgentRun& agent) { return consistency_charts(data, agent); })) +
          section("Work", "Time per image is CPU time, averaged over short stretches.",
                  work_table(data) + rows_of_charts(data, "three", work_legends(data),
                                                    [&](const AgentRun& agent) {

@@ -61,6 +61,12 @@ void evaluate(const std::string& name, const PartReader& read, AgentRun& agent) 
   };
   agent.pairs = pairs_of(agent.estimate);
   agent.alone_pairs = pairs_of(agent.alone);
+  constexpr double kNearlyAll = 0.95;
+  const std::size_t compared = agent.pairs.size(), told = agent.estimate.size();
+  if (compared > 0 && static_cast<double>(compared) < kNearlyAll * static_cast<double>(told)) {
+    read.note(name + ": the ground truth covers " + std::to_string(compared) + " of " +
+              std::to_string(told) + " poses, and errors are of those");
+  }
   try {
     if (!agent.pairs.empty()) {
       agent.accuracy = summarize_accuracy(agent.estimate, agent.truth, agent.covariances);
@@ -80,7 +86,11 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   agent.summary = summary;
   const fs::path folder = run / name;
   agent.camera = read.if_there(folder / kAgentSummaryFile, read_camera_changes);
-  agent.estimate = read(folder / kTrajectoryFile, read_trajectory);
+  if (summary.not_started) {
+    read.note(name + " did not start: " + *summary.not_started);
+  } else {
+    agent.estimate = read(folder / kTrajectoryFile, read_trajectory);
+  }
   agent.alone = read.if_there(run / kSoloFolder / name / kTrajectoryFile, read_trajectory);
   agent.truth = read.if_there(folder / kGroundTruthFile, read_trajectory);
   agent.covariances = read.if_there(folder / kCovarianceFile, read_covariances);

@@ -145,7 +145,7 @@ std::vector<Column> error_columns() {
       {"not aligned<br>ATE m", of_accuracy([](const AccuracySummary& a) { return a.none.rmse; }),
        3},
       {"rotation<br>rmse \u00b0",
-       of_accuracy([](const AccuracySummary& a) { return a.rotation_posyaw_deg; }), 2},
+       of_accuracy([](const AccuracySummary& a) { return a.rotation_none_deg; }), 2},
       {"NEES<br>position", of_accuracy([](const AccuracySummary& a) { return a.nees_position; }),
        1},
       {"NEES<br>orientation",
@@ -311,8 +311,8 @@ std::string tiles(const RunData& data) {
            3, "m") +
       tile("mean ATE, alone", mean(data, ate_alone), 3, "m") + change_tile(data) +
       tile("mean rotation error",
-           mean(data, of_accuracy([](const AccuracySummary& a) { return a.rotation_posyaw_deg; })),
-           2, "\u00b0") +
+           mean(data, of_accuracy([](const AccuracySummary& a) { return a.rotation_none_deg; })), 2,
+           "\u00b0") +
       tile("payload sent per drone",
            mean(data, [&](const AgentRun& agent) { return payload_rate_kb(data, agent); }), 1,
            "kB/s") +
@@ -399,6 +399,26 @@ std::string camera_table(const RunData& data) {
   std::string html = head(titles);
   for (std::size_t i = 0; i < data.agents.size(); ++i) html += camera_row(data, i, columns);
   return html + "</tbody></table></div>\n";
+}
+
+std::string world_table(const RunData& data) {
+  std::string lines;
+  for (std::size_t i = 0; i < data.agents.size(); ++i) {
+    const AgentSummary& agent = data.agents[i].summary;
+    if (!agent.alignments) continue;
+    if (agent.alignments->empty())
+      lines += "<tr>" + cell(drone_label(data, i)) + cell("none found") + "</tr>";
+    for (const auto& [peer, world] : *agent.alignments) {
+      lines += "<tr>" + cell(drone_label(data, i)) + cell(escape_html(peer)) +
+               cell(number(world.position_error_m, 3)) + cell(number(world.position_sigma_m, 3)) +
+               cell(number(world.yaw_error_deg, 2)) + cell(number(world.yaw_sigma_deg, 2)) +
+               "</tr>";
+    }
+  }
+  if (lines.empty()) return "";
+  return head({"drone", "peer's world", "off by<br>m", "says<br>m", "off by<br>\u00b0",
+               "says<br>\u00b0"}) +
+         lines + "</tbody></table></div>\n";
 }
 
 std::string clock_table(const RunData& data) {

@@ -17,6 +17,8 @@ namespace covey {
 [[nodiscard]] std::string link_table(const RunData& data);
 // What calibrating in flight has found; only of what was calibrated.
 [[nodiscard]] std::string camera_table(const RunData& data);
+// Where each drone has found its peers' worlds, if they started in worlds of their own.
+[[nodiscard]] std::string world_table(const RunData& data);
 // Of each drone's peers; empty if no statuses went both ways.
 [[nodiscard]] std::string clock_table(const RunData& data);
 

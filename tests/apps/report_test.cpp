@@ -132,6 +132,46 @@ TEST_F(Report, ShowsHowFarPeersClocksAreOff) {
   EXPECT_THAT(drawn(), HasSubstr("<td>&lt;uav0&gt;</td><td>\u22123000.25</td><td>1.50</td>"));
 }
 
+TEST_F(Report, OfWorldsOfTheirOwnItSaysWhereTheyLie) {
+  EXPECT_THAT(drawn(),
+              AllOf(HasSubstr("the world the drones share"), Not(HasSubstr("worlds lie"))));
+  summary_.agents["uav0"].alignments = {{"uav1", {0.012, 0.05, 0.02, 0.08}}};
+  summary_.agents["uav1"].alignments.emplace();
+  write_run_summary(run() / "summary.json", summary_);
+  EXPECT_THAT(drawn(), AllOf(HasSubstr("<td>uav1</td><td>0.012</td><td>0.020</td><td>0.05</td>"),
+                             HasSubstr("none found"), HasSubstr("the world of its own start"),
+                             Not(HasSubstr("the world the drones share")),
+                             Not(HasSubstr("the shared world"))));
+}
+
+TEST_F(Report, SaysWhyADroneDidNotStart) {
+  summary_.agents["uav1"].not_started = "it <never> stood still";
+  write_run_summary(run() / "summary.json", summary_);
+  write_tum(run() / "uav1" / kTrajectoryFile, {});
+  EXPECT_THAT(drawn(), AllOf(HasSubstr("<li>uav1 did not start: it &lt;never&gt; stood still"),
+                             Not(HasSubstr("holds no pose"))));
+}
+
+TEST_F(Report, SaysOfHowManyPosesErrorsAre) {
+  EXPECT_THAT(drawn(), Not(HasSubstr("the ground truth covers")));
+  StampedPoses half;
+  for (int i = 0; i < kImages / 2; ++i) half.push_back({stamp_of(i), pose_at(i, 0)});
+  write_tum(run() / "uav1" / kGroundTruthFile, half);
+  EXPECT_THAT(drawn(), HasSubstr("<li>uav1: the ground truth covers 35 of 80 poses"));
+}
+
+// Whose path is short has hardly a yaw to be fitted.
+TEST_F(Report, RotationIsThatOfTheWorldAsItStands) {
+  StampedPoses turned;
+  for (int i = 10; i < kImages; ++i) {
+    Pose pose = pose_at(i, 0);
+    pose.q_world_imu = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitZ()) * pose.q_world_imu;
+    turned.push_back({stamp_of(i), pose});
+  }
+  for (const char* name : {"uav0", "uav1"}) write_tum(run() / name / kTrajectoryFile, turned);
+  EXPECT_THAT(drawn(), HasSubstr("<td>5.73</td>")) << "0.1 rad";
+}
+
 TEST_F(Report, DrawsEverySectionForEveryDrone) {
   const std::string html = drawn();
   for (const char* heading : {"Errors", "Trajectories", "Distance to the truth",
