@@ -48,9 +48,7 @@ class Control {
   [[nodiscard]] bool has_team() const { return channel_.has_value(); }
 
   // False: stopped, or the team has gone.
-  [[nodiscard]] bool goes_on() {
-    return !stop_requested() && !(channel_ && channel_->closed());
-  }
+  [[nodiscard]] bool goes_on() { return !stop_requested() && !(channel_ && channel_->closed()); }
 
   void say(const Reply& reply) {
     if (channel_) channel_->send(encode(reply));
@@ -272,6 +270,16 @@ bool meet_peers(Agent& agent, Control& control) {
   return control.goes_on();
 }
 
+// Who names addresses means to be heard there.
+void warn_of_loopback(const AgentConfig& config) {
+  const LinkConfig& link = config.link;
+  const bool names_addresses = !link.interfaces.empty() || !link.initial_peers.empty();
+  if (config.agent.mode == FlightMode::kSolo || !link.loopback_only || !names_addresses) return;
+  spdlog::warn(
+      "link.interfaces and link.initial_peers are of no use while link.loopback_only is true: "
+      "nothing leaves this computer");
+}
+
 bool fly_recording(const AgentConfig& config, Control& control) {
   Agent agent(config);
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
@@ -284,6 +292,7 @@ bool fly_recording(const AgentConfig& config, Control& control) {
 }  // namespace
 
 bool run_agent(const AgentConfig& config, std::optional<int> control_fd) {
+  if (!control_fd) warn_of_loopback(config);
   if (config.agent.pace == Pace::kLive) {
     if (control_fd) throw std::runtime_error("pace 'live' flies no recording, as teams do");
     return run_live_agent(config);

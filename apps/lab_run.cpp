@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lab_run.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -63,6 +64,11 @@ FlownPaths read_paths(const std::vector<DroneFolder>& drones) {
     paths.truths.push_back(*std::move(dataset.ground_truth));
   }
   return paths;
+}
+
+double length_s(const DroneFolder& drone) {
+  const std::vector<ImageEntry> images = read_dataset(drone.mav0).images;
+  return seconds_between(images.front().stamp_ns, images.back().stamp_ns);
 }
 
 class LabRun {
@@ -154,6 +160,13 @@ void LabRun::check() const {
   for (const LabPartition& partition : experiment_.partitions) {
     for (const std::string& name : partition.apart) {
       if (!known(name)) fail(options_, "partitions.apart", "names " + name + ", who does not fly");
+    }
+    if (!experiment_.fly) continue;
+    const double recorded_s = length_s(drones_.front());
+    if (partition.from_s >= recorded_s) {
+      fail(options_, "partitions.from_s",
+           fmt::format("is {} s, but {} is over after {:.1f} s", partition.from_s,
+                       options_.dataset.string(), recorded_s));
     }
   }
   for (const LabLink& link : experiment_.links) {

@@ -117,7 +117,9 @@ void add_play_command(CLI::App& covey) {
   CLI::App* command = covey.add_subcommand(
       "play", "Says what a recording's camera and IMU said, as their drivers would over DDS");
   command->footer(
-      "Example: covey agent --config live.json &      \"agent\": { \"pace\": \"live\", ... }\n"
+      "Example: covey agent --config live.json &      \"agent\": { \"pace\": \"live\", ... },\n"
+      "                                               \"initialisation\": { \"method\": \"static\" "
+      "}\n"
       "         covey play data/castle/uav0/mav0 --config live.json");
   command->add_option("mav0", options->mav0, "Folder that holds cam0 and imu0")->required();
   command

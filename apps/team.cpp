@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/team.h"
 
+#include <spdlog/fmt/fmt.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,7 +11,9 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "apps/agent.h"
 #include "apps/child_process.h"
@@ -102,6 +106,7 @@ class TeamFlight {
   [[nodiscard]] TimeNs reached_ns() const;
   [[nodiscard]] bool any_alive() const;
   [[nodiscard]] bool waits_for_any() const;
+  [[nodiscard]] std::vector<std::string> warnings_of_time() const;
 
   const TeamOptions& options_;
   const std::function<void(const FlightProgress&)>& on_progress_;
@@ -126,6 +131,28 @@ void TeamFlight::start() {
     first_ns_ = std::min(first_ns_, member.ready.first_ns);
     last_ns_ = std::max(last_ns_, member.ready.last_ns);
   }
+  for (const std::string& warning : warnings_of_time()) spdlog::warn("{}", warning);
+}
+
+// Recordings that begin when all others are over are hardly of one clock.
+std::vector<std::string> TeamFlight::warnings_of_time() const {
+  std::vector<const Member*> by_begin;
+  for (const Member& member : members_) by_begin.push_back(&member);
+  std::sort(by_begin.begin(), by_begin.end(),
+            [](const Member* a, const Member* b) { return a->ready.first_ns < b->ready.first_ns; });
+  std::vector<std::string> warnings;
+  TimeNs over_ns = by_begin.front()->ready.last_ns;
+  for (const Member* member : by_begin) {
+    const double wait_s = seconds_between(over_ns, member->ready.first_ns);
+    if (wait_s > 0) {
+      warnings.push_back(fmt::format(
+          "{}: its recording begins {:.0f} s after those before it have ended: are they of one "
+          "clock?",
+          member->name, wait_s));
+    }
+    over_ns = std::max(over_ns, member->ready.last_ns);
+  }
+  return warnings;
 }
 
 void TeamFlight::meet() {

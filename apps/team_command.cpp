@@ -68,10 +68,14 @@ std::vector<std::string> without_ground_truth(const std::vector<DroneFolder>& dr
   return names;
 }
 
-InitMethod chosen_start(const std::string& init, const std::vector<DroneFolder>& drones) {
+// As the command says, or else the settings, or else what the dataset has.
+InitMethod chosen_start(std::string init, const TeamOptions& team) {
+  const nlohmann::json::json_pointer setting("/initialisation/method");
+  if (init == "auto" && team.config.contains(setting) && team.config[setting].is_string())
+    init = team.config[setting].get<std::string>();
   if (init == "static") return InitMethod::kStatic;
   if (init == "groundtruth") return InitMethod::kGroundTruth;
-  return without_ground_truth(drones).empty() ? InitMethod::kGroundTruth : InitMethod::kStatic;
+  return without_ground_truth(team.drones).empty() ? InitMethod::kGroundTruth : InitMethod::kStatic;
 }
 
 // Drones that would believe each other's worlds to be their own.
@@ -115,12 +119,12 @@ TeamOptions team_options(const Options& options) {
   team.out = options.out.empty() ? default_run(options) : fs::path(options.out);
   team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
   team.exchange = exchange_from_name(options.exchange).value_or(ExchangeMode::kCompact);
-  team.init = chosen_start(options.init, team.drones);
   choose_pace(options.pace, team);
   if (!options.config_file.empty()) {
     team.config = read_json_file(options.config_file);
     team.config_name = options.config_file;
   }
+  team.init = chosen_start(options.init, team);
   team.unknown_start = options.unknown_start;
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.

@@ -149,10 +149,12 @@ TEST_F(Lab, OneThatIsKilledTakesItsAgentsWithItAndTheirNamespaces) {
 
 TEST_F(Lab, AMistakeIsOneLineThatNamesTheKey) {
   const json partition{{"from_s", 0}, {"until_s", 1}, {"apart", {"uav7"}}};
+  const json too_late{{"from_s", 60}, {"until_s", 70}, {"apart", {"uav0"}}};
   for (const auto& [experiment, complaint] : std::vector<std::pair<json, std::string>>{
            {{{"name", "n"}, {"lost", 1}}, "unknown key 'lost'"},
            {{{"name", "n"}, {"drones", 5}}, "'drones' is 5, but a team has 2 to 32"},
-           {{{"name", "n"}, {"partitions", {partition}}}, "'partitions.apart' names uav7"}}) {
+           {{{"name", "n"}, {"partitions", {partition}}}, "'partitions.apart' names uav7"},
+           {{{"name", "n"}, {"partitions", {too_late}}}, "'partitions.from_s' is 60 s, but"}}) {
     CoveyProcess covey(command(experiment));
     EXPECT_EQ(covey.finish(), 1);
     EXPECT_THAT(covey.output(), HasSubstr(complaint));

@@ -368,6 +368,44 @@ TEST_F(Team, WhereNoDroneStartsThatIsAnErrorAndSaysWhy) {
                     HasSubstr("covey: no drone has started: the ground truth does not cover")));
 }
 
+// So many seconds later.
+void shift_stamps(const fs::path& csv, long long by_s) {
+  std::istringstream lines(file_content(csv));
+  std::string shifted, line;
+  while (std::getline(lines, line)) {
+    const std::size_t comma = line.find(',');
+    if (line.front() != '#')
+      line = std::to_string(std::stoll(line) + by_s * 1'000'000'000) + line.substr(comma);
+    shifted += line + "\n";
+  }
+  std::ofstream(csv, std::ios::binary) << shifted;
+}
+
+TEST_F(Team, RecordingsThatHaveNoTimeInCommonAreTold) {
+  const TemporaryFolder dataset;
+  fs::copy(kDataset, dataset.path(), fs::copy_options::recursive);
+  const fs::path mav0 = dataset.path() / "uav1" / "mav0";
+  for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0"})
+    shift_stamps(mav0 / sensor / "data.csv", 100);
+  CoveyProcess covey({"team", dataset.path(), "--mode", "solo", "--out", run_});
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("uav1: its recording begins 97 s after those before it"));
+}
+
+TEST_F(Team, TheSettingsSayHowToStartUnlessTheCommandDoes) {
+  const TemporaryFolder folder;
+  const std::string config =
+      folder.write("static.json", R"({"initialisation": {"method": "static"}})");
+  for (const std::string wanted : {"static", "groundtruth"}) {
+    std::vector<std::string> more{"--mode",   "solo", "--agents", "uav0",
+                                  "--config", config, "--force"};
+    if (wanted != "static") more.insert(more.end(), {"--init", wanted});
+    CoveyProcess covey(command(more));
+    EXPECT_EQ(covey.finish(), 0) << covey.output();
+    EXPECT_EQ(summary()["init"], wanted);
+  }
+}
+
 TEST_F(Team, UnknownDronesFlagsAndPacesAreBadUsage) {
   CoveyProcess drone(command({"--agents", "uav0,uav9"}));
   EXPECT_EQ(drone.finish(), 1);
