@@ -52,6 +52,10 @@ int run(CLI::App& covey, int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return covey.exit(help);
   } catch (const CLI::ParseError& error) {
+    if (argc > 1 && argv[1][0] != '-' && covey.get_subcommands().empty()) {
+      std::fprintf(stderr, "covey: no command '%s' (see covey --help)\n", argv[1]);
+      return kBadUsage;
+    }
     std::fprintf(stderr, "covey: %s (see %s)\n", one_line(error.what()).c_str(),
                  help_hint(covey).c_str());
     return kBadUsage;

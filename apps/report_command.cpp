@@ -3,8 +3,10 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 
 #include "apps/collected_run.h"
@@ -30,8 +32,17 @@ void collect(const Options& options) {
   std::printf("%s", team_table(summarize_collected(collected), nullptr).c_str());
 }
 
+// As what drones that flew by themselves leave, or a team that was killed.
+void require_summary(const std::filesystem::path& run) {
+  if (!std::filesystem::is_directory(run) || std::filesystem::exists(run / "summary.json")) return;
+  throw std::runtime_error((run / "summary.json").string() +
+                           ": is not there; of drones that flew by themselves, or whose team was "
+                           "killed, it is made with --dataset DIR");
+}
+
 void run(const Options& options) {
   if (!options.dataset.empty()) collect(options);
+  require_summary(options.run);
   std::printf("%s\n", write_report(options.run).c_str());
 }
 

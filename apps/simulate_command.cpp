@@ -187,6 +187,7 @@ void add_simulate_command(CLI::App& covey) {
       ->check(CLI::IsMember({"castle_around", "castle_parallel", "mars_yard", "room"}));
   command->add_option("--out", options->out, "Folder to write; must not exist yet")->required();
   command->add_option("--seed", request.seed, "Another number, another world and flight")
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1} << 62U))
       ->capture_default_str();
   command->add_option("--agents", request.agents, "Number of drones (default: the scenario's)")
       ->check(CLI::Range(1, 64));
