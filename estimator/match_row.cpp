@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "estimator/bearing.h"
 #include "estimator/so3.h"
 
 namespace covey {
@@ -20,8 +21,7 @@ MatchRow match_row(const Eigen::Isometry3d& T_other_own, double log_ratio,
   row.in_front = q.z() > 1e-3;
   if (!row.in_front) return row;
   Eigen::Matrix3d J_q = Eigen::Matrix3d::Zero();
-  J_q.topRows<2>() << 1, 0, -q.x() / q.z(), 0, 1, -q.y() / q.z();
-  J_q.topRows<2>() /= q.z();
+  J_q.topRows<2>() = bearing_by_point_at_depth_1(q.hnormalized()) / q.z();
   row.covariance.topLeftCorner<2, 2>() = match.bearing_covariance;
   Eigen::Vector3d J_rho = Eigen::Vector3d::Zero();  // but for what q changes with it
   row.r.head<2>() = match.bearing - q.hnormalized();

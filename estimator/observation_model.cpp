@@ -38,9 +38,7 @@ PointObservation observe_point(const Eigen::Vector3d& p_world, const Pose& pose,
   if (z < kMinDepth) return observation;
   observation.in_front = true;
   observation.bearing = point.p_cam.head<2>() / z;
-  Matrix23d J_cam;
-  J_cam << 1, 0, -observation.bearing.x(), 0, 1, -observation.bearing.y();
-  J_cam /= z;
+  const Matrix23d J_cam = bearing_by_point_at_depth_1(observation.bearing) / z;
   observation.J_pose = J_cam * point.J_pose;
   observation.J_extrinsics = J_cam * point.J_extrinsics;
   observation.J_point = J_cam * point.J_point;
@@ -77,7 +75,7 @@ InverseDepthOfPoint inverse_depth_of_point(const Eigen::Vector3d& p_world, const
   const double beta = point.p_cam.y() * rho;
   result.inverse_depth = {alpha, beta, rho};
   Eigen::Matrix3d J_cam;  // d(alpha, beta, rho)/d(p_cam)
-  J_cam << rho, 0, -alpha * rho, 0, rho, -beta * rho, 0, 0, -rho * rho;
+  J_cam << rho * bearing_by_point_at_depth_1({alpha, beta}), 0, 0, -rho * rho;
   result.J_pose = J_cam * point.J_pose;
   result.J_extrinsics = J_cam * point.J_extrinsics;
   result.J_point = J_cam * point.J_point;

@@ -8,11 +8,11 @@
 #include <Eigen/Core>
 #include <optional>
 
+#include "estimator/bearing.h"
 #include "estimator/state.h"
 
 namespace covey {
 
-using Matrix23d = Eigen::Matrix<double, 2, 3>;
 using Matrix26d = Eigen::Matrix<double, 2, 6>;
 using Matrix36d = Eigen::Matrix<double, 3, 6>;
 

@@ -5,6 +5,8 @@
 #include <Eigen/Dense>
 #include <cmath>
 
+#include "estimator/bearing.h"
+
 namespace covey {
 namespace {
 
@@ -52,9 +54,7 @@ NormalEquations linearize(const std::vector<View>& views, const Eigen::Vector3d&
       return sum;
     }
     const Eigen::Vector2d predicted = h.head<2>() / h.z();
-    Matrix23d J_h;
-    J_h << 1, 0, -predicted.x(), 0, 1, -predicted.y();
-    J_h = view.whitening * J_h / h.z();
+    const Matrix23d J_h = view.whitening * bearing_by_point_at_depth_1(predicted) / h.z();
     Eigen::Matrix3d J_parameters;
     J_parameters << R.col(0), R.col(1), t;
     const Matrix23d J = J_h * J_parameters;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "estimator/bearing.h"
 #include "frontend/patch_alignment.h"
 
 namespace covey {
@@ -231,9 +232,7 @@ std::optional<Sight> sight_of(const SeenLandmark& seen, const Eigen::Isometry3d&
   const Eigen::Vector2d bearing = sight.p_own.hnormalized();
   if (!is_on_lens(camera, bearing)) return std::nullopt;
   sight.pixel = project(camera, bearing, &sight.J_bearing);
-  Eigen::Matrix<double, 2, 3> J_bearing_p;
-  J_bearing_p << 1, 0, -bearing.x(), 0, 1, -bearing.y();
-  sight.J_p = sight.J_bearing * J_bearing_p;
+  sight.J_p = sight.J_bearing * bearing_by_point_at_depth_1(bearing);
   return sight;
 }
 

@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "estimator/bearing.h"
 #include "frontend/place_recognition.h"
 
 namespace covey {
@@ -142,15 +143,14 @@ class Verifier {
     Normal normal;
     for (const std::size_t i : inliers(offset)) {
       const Eigen::Vector3d p_cam = in_camera(offset, matches_[i]);
-      Eigen::Matrix<double, 2, 3> J_bearing_cam;
-      J_bearing_cam << 1, 0, -p_cam.x() / p_cam.z(), 0, 1, -p_cam.y() / p_cam.z();
-      const Eigen::Matrix<double, 2, 3> J_px_cam = lens_[i] * J_bearing_cam / p_cam.z();
+      const Eigen::Vector2d bearing = p_cam.hnormalized();
+      const Matrix23d J_px_cam = lens_[i] * bearing_by_point_at_depth_1(bearing) / p_cam.z();
       const Eigen::Vector3d turned = R_cam_world_.transpose() * p_cam - offset.offset;
       Eigen::Matrix<double, 2, 4> J;
       J << J_px_cam * R_cam_world_ * Eigen::Vector3d::UnitZ().cross(turned),
           J_px_cam * R_cam_world_;
       normal.A += J.transpose() * J;
-      normal.b += J.transpose() * lens_[i] * (matches_[i].bearing_own - p_cam.hnormalized());
+      normal.b += J.transpose() * lens_[i] * (matches_[i].bearing_own - bearing);
     }
     return normal;
   }

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimator/bearing.h"
 #include "estimator/median.h"
 #include "frontend/image_pyramid.h"
 #include "frontend/orb.h"
@@ -45,9 +46,7 @@ std::optional<Turned> turn(const CameraIntrinsics& camera, const Eigen::Vector2d
   const Eigen::Vector3d ray = R_cam_previous * bearing.homogeneous();
   if (ray.z() < 0.1) return std::nullopt;  // turned to the side: out of any pinhole image
   const Eigen::Vector2d bearing_now = ray.hnormalized();
-  Eigen::Matrix<double, 2, 3> J_bearing_ray;
-  J_bearing_ray << 1, 0, -bearing_now.x(), 0, 1, -bearing_now.y();
-  J_bearing_ray /= ray.z();
+  const Matrix23d J_bearing_ray = bearing_by_point_at_depth_1(bearing_now) / ray.z();
   Eigen::Matrix2d J_before, J_now;
   [[maybe_unused]] const Eigen::Vector2d before = project(camera, bearing, &J_before);
   Turned turned;

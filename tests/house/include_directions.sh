@@ -17,7 +17,7 @@ function complain(reason) {
   bad = 1
 }
 BEGIN {
-  seam = "estimator/(measurements|so3|median|config)[.]h"
+  seam = "estimator/(measurements|bearing|so3|median|config)[.]h"
   project["estimator"] = "^estimator/"
   project["frontend"] = "^(frontend/|" seam "$)"
   project["comms"] = "^(comms/|" seam "$|estimator/filter_snapshot[.]h$)"
