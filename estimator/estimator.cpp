@@ -259,9 +259,7 @@ void Estimator::Impl::try_start(UpdateReport& report) {
     const bool usable = track.seen_now || impatient;
     if (usable && track.observations.size() >= 2) tracks.push_back(&track);
   }
-  std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
-    return a->observations.size() > b->observations.size();
-  });
+  tracks = longest_first(std::move(tracks));
   const bool attempt = state->clones().back().keyframe && state->clones().size() >= 4;
   const auto glimpse = [&] {
     if (std::optional<State> seen = vision->glimpse(*state, tracks))
@@ -370,12 +368,7 @@ std::vector<const Track*> Estimator::Impl::matched_tracks(const KeyframeMatch& m
     const Track* track = store.find(landmark.track_id);
     if (track != nullptr && !track->observations.empty()) tracks.push_back(track);
   }
-  std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
-    return a->observations.size() > b->observations.size();
-  });
-  const auto limit = static_cast<std::size_t>(config.max_msckf_features);
-  if (tracks.size() > limit) tracks.resize(limit);
-  return tracks;
+  return longest_first(std::move(tracks), config.max_msckf_features);
 }
 
 // `tracks`: whose upper rows may be used.

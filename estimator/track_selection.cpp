@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <utility>
 
 namespace covey {
 namespace {
@@ -19,6 +20,14 @@ int grid_cell(const Eigen::Vector2d& bearing) {
 
 }  // namespace
 
+std::vector<const Track*> longest_first(std::vector<const Track*> tracks, int limit) {
+  std::stable_sort(tracks.begin(), tracks.end(), [](const Track* a, const Track* b) {
+    return a->observations.size() > b->observations.size();
+  });
+  tracks.resize(std::min(tracks.size(), static_cast<std::size_t>(limit)));
+  return tracks;
+}
+
 std::vector<const Track*> ended_or_leaving(const TrackStore& store,
                                            std::optional<std::uint64_t> leaving, int limit) {
   std::vector<const Track*> chosen;
@@ -26,11 +35,7 @@ std::vector<const Track*> ended_or_leaving(const TrackStore& store,
     const bool leaves = leaving && track.find(*leaving) != nullptr;
     if (!track.seen_now || leaves) chosen.push_back(&track);
   }
-  std::stable_sort(chosen.begin(), chosen.end(), [](const Track* a, const Track* b) {
-    return a->observations.size() > b->observations.size();
-  });
-  chosen.resize(std::min(chosen.size(), static_cast<std::size_t>(limit)));
-  return chosen;
+  return longest_first(std::move(chosen), limit);
 }
 
 std::vector<const Track*> slam_candidates(const TrackStore& store, const State& state,
@@ -47,10 +52,9 @@ std::vector<const Track*> slam_candidates(const TrackStore& store, const State& 
   const auto crowd = [&](const Track* track) {
     return in_cell[static_cast<std::size_t>(grid_cell(track->observations.back().bearing))];
   };
-  std::stable_sort(chosen.begin(), chosen.end(), [&](const Track* a, const Track* b) {
-    if (crowd(a) != crowd(b)) return crowd(a) < crowd(b);
-    return a->observations.size() > b->observations.size();
-  });
+  chosen = longest_first(std::move(chosen));
+  std::stable_sort(chosen.begin(), chosen.end(),
+                   [&](const Track* a, const Track* b) { return crowd(a) < crowd(b); });
   return chosen;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -11,6 +12,10 @@
 #include "estimator/track_store.h"
 
 namespace covey {
+
+// At most `limit` of them; tracks of one length stay in order.
+[[nodiscard]] std::vector<const Track*> longest_first(std::vector<const Track*> tracks,
+                                                      int limit = std::numeric_limits<int>::max());
 
 // To be used and forgotten, the longest first: those that have ended, and those whose oldest view,
 // `leaving`, is about to leave the window.
