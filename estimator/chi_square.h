@@ -5,6 +5,8 @@
 
 namespace covey {
 
+constexpr double kOutlierChiSquare = 9.21;  // 1 % of what has 2 degrees of freedom lies beyond
+
 // Share of chi-square distributed values with `degrees_of_freedom` that lie below `value`.
 [[nodiscard]] double chi_square_cdf(double value, int degrees_of_freedom);
 

@@ -11,7 +11,6 @@
 
 namespace covey {
 
-using Vector7d = Eigen::Matrix<double, 7, 1>;
 using Matrix76d = Eigen::Matrix<double, 7, 6>;
 
 // A keyframe as its drone's odometry has it, and the way over which the drone measured depths.

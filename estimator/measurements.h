@@ -32,6 +32,7 @@ using TimeNs = std::int64_t;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
+using Vector7d = Eigen::Matrix<double, 7, 1>;
 
 // By how much a camera's intrinsics differ from what bearings are computed with:
 // [dfx/fx dfy/fy dcx/fx dcy/fy dk1 dk2], k1 and k2 as the lens model has them; and what that does

@@ -23,7 +23,6 @@ constexpr double kMinGain = 0.35;
 constexpr int kMinLandmarks = 4;
 constexpr int kIterations = 8;
 constexpr double kConverged = 1e-5;  // m and rad
-constexpr double kOutlier = 9.21;    // chi-square, 2 degrees of freedom, 99 %
 
 // One landmark about a hypothesis of the keyframe's pose: r = H dx + B e + n, with e = [dp dtheta]
 // of the pose.
@@ -77,7 +76,7 @@ std::vector<Row> linearize(const State& state, const SharedKeyframe& keyframe,
     Row row = linearize(state, landmark, T_world_other);
     if (!row.in_front) continue;
     // Outliers keep a pull that no longer grows with their distance (Cauchy).
-    row.W /= 1 + row.r.dot(row.W * row.r) / kOutlier;
+    row.W /= 1 + row.r.dot(row.W * row.r) / kOutlierChiSquare;
     rows.push_back(std::move(row));
   }
   return rows;

@@ -8,6 +8,7 @@
 #include <limits>
 #include <vector>
 
+#include "estimator/chi_square.h"
 #include "estimator/drift_step.h"
 #include "estimator/match_row.h"
 #include "estimator/so3.h"
@@ -15,14 +16,11 @@
 namespace covey {
 namespace {
 
-using Vector7d = Eigen::Matrix<double, 7, 1>;
-
 constexpr int kIterations = 15;
 constexpr double kConverged = 1e-6;  // m, rad and log ratio
-constexpr double kOutlier = 9.21;    // chi-square, 2 degrees of freedom, 99 %
 // Corners of two drones agree but for what is wrong. What was found in the image lies nearer than
 // its sigma by half, or far off (flights in four scenes): a tail as Cauchy's distribution has it.
-constexpr double kCornerTail = kOutlier, kFoundTail = 1;
+constexpr double kCornerTail = kOutlierChiSquare, kFoundTail = 1;
 constexpr double kUnknownRatio = 1;  // standard deviation of a log ratio of which nothing is known
 constexpr double kSureRatio = 0.02;  // less certain than that, it says nothing about odometry
 
@@ -62,7 +60,7 @@ Normal accumulate(const Sightings& sightings, const Hypothesis& hypothesis, doub
     const double weight = 1 / (1 + distance / tail);
     normal.A += weight * row.J.transpose() * W * row.J;
     normal.b += weight * row.J.transpose() * W * row.r;
-    normal.inliers += distance < kOutlier ? 1 : 0;
+    normal.inliers += distance < kOutlierChiSquare ? 1 : 0;
   }
   return normal;
 }

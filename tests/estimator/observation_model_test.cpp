@@ -9,8 +9,6 @@
 namespace covey {
 namespace {
 
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-
 const Pose kPose{{1.2, -0.4, 2.1}, exp_quaternion({0.3, -0.8, 1.1})};
 const CameraExtrinsics kExtrinsics{exp_quaternion({-1.2, 0.9, 0.2}), {0.1, -0.05, 0.02}, 0};
 const Eigen::Vector3d kInverseDepth(0.3, -0.2, 0.2);
