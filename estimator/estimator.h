@@ -16,19 +16,20 @@
 
 namespace covey {
 
-// Where the filter starts, with one standard deviation of each error.
+// Where the filter starts, with one standard deviation of each error: of position, velocity and
+// biases along each axis, of the attitude about the world's axes.
 struct InitialState {
   TimeNs stamp_ns = 0;
   Pose pose;
-  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
-  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
-  double position_sigma = 1e-3;   // m
-  double yaw_sigma = 1e-3;        // rad
-  double tilt_sigma = 5e-3;       // rad
-  double velocity_sigma = 0.02;   // m/s
-  double gyro_bias_sigma = 0.01;  // rad/s
-  double accel_bias_sigma = 0.1;  // m/s2
+  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s, in imu
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2, in imu
+  double position_sigma = 1e-3;                           // m
+  double yaw_sigma = 1e-3;                                // rad, about z
+  double tilt_sigma = 5e-3;                               // rad, about x and about y
+  double velocity_sigma = 0.02;                           // m/s
+  double gyro_bias_sigma = 0.01;                          // rad/s
+  double accel_bias_sigma = 0.1;                          // m/s2
 };
 
 // What one camera measurement did. Counts of features unless said otherwise.

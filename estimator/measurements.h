@@ -65,7 +65,7 @@ struct CameraMeasurement {
 
 // Position and attitude of the IMU in the world.
 struct Pose {
-  Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();
+  Eigen::Vector3d p_world_imu = Eigen::Vector3d::Zero();  // m
   Eigen::Quaterniond q_world_imu = Eigen::Quaterniond::Identity();
 };
 
@@ -81,8 +81,8 @@ struct Odometry {
   FilterStatus status = FilterStatus::kUninitialized;
   Pose pose;
   Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s
-  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s, in imu
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2, in imu
   // Of [dp dtheta]: dp in world, dtheta local: q = q_hat * Exp(dtheta).
   Matrix6d pose_covariance = Matrix6d::Zero();
   Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();  // of v_world_imu

@@ -38,12 +38,13 @@
 
 namespace covey {
 
+// Biases: what the IMU reads minus what is true.
 struct ImuState {
   TimeNs stamp_ns = 0;
   Pose pose;
-  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();
-  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();
-  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();
+  Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
+  Eigen::Vector3d gyro_bias = Eigen::Vector3d::Zero();    // rad/s, in imu
+  Eigen::Vector3d accel_bias = Eigen::Vector3d::Zero();   // m/s2, in imu
 };
 
 // What is left of a state without clones and landmarks.
