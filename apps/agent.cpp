@@ -204,6 +204,7 @@ void Agent::count(const UpdateReport& update) {
   filter_.imu_gaps += update.imu_gaps;
   filter_.imu_rejected += update.imu_rejected;
   filter_.out_of_order += update.out_of_order;
+  filter_.images_refused += update.images_refused;
   filter_.failed_updates += update.failed_updates;
   zero_velocity_images_ += update.zero_velocity ? 1 : 0;
   if (!update.reinitialized) return;
@@ -621,6 +622,7 @@ void Agent::finish(const std::optional<std::string>& incomplete) {
                     {"imu_gaps", filter_.imu_gaps},
                     {"imu_rejected", filter_.imu_rejected},
                     {"out_of_order", filter_.out_of_order},
+                    {"images_refused", filter_.images_refused},
                     {"failed_updates", filter_.failed_updates},
                     {"reinitialized", reinitialized_},
                     {"repeated_images", repeated_images_},

@@ -429,7 +429,6 @@ PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
 // Older than the state, or the IMU does not reach it: the state stays where it is, but without IMU
 // that is not where the drone is.
 void Estimator::Impl::refuse_image(TimeNs stamp_ns, UpdateReport& report) {
-  ++report.out_of_order;
   ++report.images_refused;
   health.miss(stamp_ns);
 }

@@ -41,7 +41,7 @@ struct UpdateReport {
   int slam_used = 0, slam_gated = 0, slam_initialized = 0, slam_lost = 0, slam_reanchored = 0;
   int clones = 0, slam_features = 0;
   int imu_gaps = 0, imu_rejected = 0;
-  int out_of_order = 0;    // IMU samples not newer than the one before, and images refused
+  int out_of_order = 0;    // IMU samples not newer than the one before
   int images_refused = 0;  // older than the state, or without IMU up to them
   // Innovation covariance not positive definite: nothing changed, no feature counts as used.
   int failed_updates = 0;
