@@ -66,8 +66,9 @@ class PhotometricCalibration {
  public:
   PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size);
 
-  // `image`: CV_8UC1 or CV_16UC1 in time order. `expected`: where the tracker will look for its
-  // tracks in it.
+  // `image`: CV_8UC1 or CV_16UC1 in time order; not copied, its buffer must stay as it is until
+  // observe() has returned. What is given back has a buffer of its own, never written again.
+  // `expected`: where the tracker will look for its tracks in it.
   [[nodiscard]] CalibratedImage correct(TimeNs stamp_ns, const cv::Mat& image,
                                         const std::vector<TrackPlace>& expected);
   // Where they were found in that image.
