@@ -69,6 +69,16 @@ std::size_t number_found(const std::vector<Search>& searches) {
 
 Eigen::Matrix2d alike_in_both(double sigma) { return sigma * sigma * Eigen::Matrix2d::Identity(); }
 
+// The bearing is that in the own keyframe.
+LandmarkMatch seen_at(const Eigen::Vector2d& bearing, const PeerLandmark& landmark) {
+  LandmarkMatch match;
+  match.bearing = bearing;
+  match.other_bearing = landmark.bearing;
+  match.inverse_depth = landmark.inverse_depth;
+  match.inverse_depth_sigma = landmark.inverse_depth_sigma;
+  return match;
+}
+
 NoMatchReason to_reason(VerificationFailure failure) {
   switch (failure) {
     case VerificationFailure::kTooFewCorrespondences:
@@ -206,66 +216,78 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
 
 std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
                                                             const PeerKeyframe& other) const {
-  const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
   const std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.max_relative_sigma);
   const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
-  std::vector<Search> searches;
-  if (const std::optional<Eigen::Isometry3d> world = likely_world_of(other.sender)) {
-    const Eigen::Isometry3d T_expected = (*world * other.pose.T_world_cam).inverse() * T_world_cam;
-    searches = look_for(own.pose.keyframe_id, other, landmarks, T_expected, {});
-  }
+  std::vector<Search> searches = look_where_expected(own, other, landmarks);
   VerificationResult result = verify_in_place(own, points, searches);
   const bool in_place = result.verified.has_value();
   if (!in_place && other.described) result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
-  const Eigen::Isometry3d T_other_own =
-      relative_pose(own.pose, other.pose, result.verified->offset);
+  const FrameOffset& offset = result.verified->offset;
+  const Eigen::Isometry3d T_other_own = relative_pose(own.pose, other.pose, offset);
   const auto match_in_reach = other.described ? match_guided : match_nearest;
-  const std::vector<IndexPair> pairs = match_in_reach(T_world_cam, result.verified->offset,
-                                                      features, points, camera_, config_.guided);
+  const std::vector<IndexPair> pairs =
+      match_in_reach(own.pose.T_world_cam, offset, features, points, camera_, config_.guided);
   searches = look_for(own.pose.keyframe_id, other, landmarks, T_other_own, std::move(searches));
-  const std::size_t found = number_found(searches);
-  if ((in_place ? found : pairs.size()) < static_cast<std::size_t>(config_.min_matches)) {
+  const std::size_t count = in_place ? number_found(searches) : pairs.size();
+  if (count < static_cast<std::size_t>(config_.min_matches)) {
     return NoMatch{NoMatchReason::kTooFewMatches};
   }
-  // What a landmark is next to is as far away.
-  std::map<std::size_t, const KeyframeFeature*> own_of;
-  for (const IndexPair& pair : pairs) own_of[pair.peer] = &own.features[pair.own];
-  const auto seen = [&](std::uint64_t track, const Eigen::Vector2d& bearing,
-                        const Eigen::Matrix2d& covariance, std::size_t index) {
-    const PeerLandmark& landmark = landmarks[index];
-    LandmarkMatch one;
-    one.track_id = track;
-    one.bearing = bearing;
-    one.other_bearing = landmark.bearing;
-    one.inverse_depth = landmark.inverse_depth;
-    one.inverse_depth_sigma = landmark.inverse_depth_sigma;
-    one.bearing_covariance = covariance;
-    const auto mine = own_of.find(index);
-    if (mine != own_of.end()) add_own_depth(*mine->second, config_.max_relative_sigma, one);
-    return one;
-  };
   KeyframeMatch match{other.sender, own.pose, own.before, own.mean_depth, other.pose, other.before,
                       T_other_own,  {},       {}};
+  match.matches = matches_of(own, landmarks, pairs);
+  match.aligned = aligned_of(own, landmarks, pairs, searches);
+  return match;
+}
+
+std::vector<KeyframeMatcher::Search> KeyframeMatcher::look_where_expected(
+    const Keyframe& own, const PeerKeyframe& other,
+    const std::vector<PeerLandmark>& landmarks) const {
+  const std::optional<Eigen::Isometry3d> T_own_drone = likely_world_of(other.sender);
+  if (!T_own_drone) return {};
+  const Eigen::Isometry3d T_other_own =
+      (*T_own_drone * other.pose.T_world_cam).inverse() * own.pose.T_world_cam;
+  return look_for(own.pose.keyframe_id, other, landmarks, T_other_own, {});
+}
+
+std::vector<LandmarkMatch> KeyframeMatcher::matches_of(const Keyframe& own,
+                                                       const std::vector<PeerLandmark>& landmarks,
+                                                       const std::vector<IndexPair>& pairs) const {
   const Eigen::Matrix2d corner_px = alike_in_both(config_.sigma_px);
-  const Eigen::Matrix2d aligned_px = alike_in_both(config_.aligned_sigma_px);
+  std::vector<LandmarkMatch> matches;
   for (const IndexPair& pair : pairs) {
     const KeyframeFeature& feature = own.features[pair.own];
-    match.matches.push_back(seen(feature.track_id, feature.bearing,
-                                 bearing_covariance(camera_, feature.bearing, corner_px),
-                                 pair.peer));
+    LandmarkMatch match = seen_at(feature.bearing, landmarks[pair.peer]);
+    match.track_id = feature.track_id;
+    match.bearing_covariance = bearing_covariance(camera_, feature.bearing, corner_px);
+    add_own_depth(feature, config_.max_relative_sigma, match);
+    matches.push_back(match);
   }
+  return matches;
+}
+
+std::vector<LandmarkMatch> KeyframeMatcher::aligned_of(const Keyframe& own,
+                                                       const std::vector<PeerLandmark>& landmarks,
+                                                       const std::vector<IndexPair>& pairs,
+                                                       const std::vector<Search>& searches) const {
+  const Eigen::Matrix2d aligned_px = alike_in_both(config_.aligned_sigma_px);
   const double scale = config_.aligned_scale;
-  match.aligned.reserve(found);
+  std::vector<const KeyframeFeature*> corner_of(landmarks.size(), nullptr);
+  for (const IndexPair& pair : pairs) corner_of[pair.peer] = &own.features[pair.own];
+  std::vector<LandmarkMatch> aligned;
+  aligned.reserve(number_found(searches));
   for (std::size_t i = 0; i < searches.size(); ++i) {
     if (!searches[i].found) continue;
     const FoundPatch& patch = *searches[i].found;
-    const Eigen::Matrix2d aligned = bearing_covariance(camera_, patch.bearing, aligned_px);
+    LandmarkMatch match = seen_at(patch.bearing, landmarks[i]);
+    const Eigen::Matrix2d aligned_to = bearing_covariance(camera_, patch.bearing, aligned_px);
     const Eigen::Matrix2d claimed = scale * scale * patch.covariance;
-    match.aligned.push_back(seen(0, patch.bearing, aligned + claimed, i));
+    match.bearing_covariance = aligned_to + claimed;
+    if (corner_of[i] != nullptr) add_own_depth(*corner_of[i], config_.max_relative_sigma, match);
+    aligned.push_back(match);
   }
-  return match;
+  return aligned;
 }
 
 std::vector<KeyframeMatcher::Search> KeyframeMatcher::look_for(

@@ -121,12 +121,25 @@ class KeyframeMatcher {
                                              const std::vector<PeerLandmark>& landmarks,
                                              const Eigen::Isometry3d& T_other_own,
                                              std::vector<Search> searches) const;
+  // Where the other's pose puts them. None while nobody knows where its world may lie.
+  [[nodiscard]] std::vector<Search> look_where_expected(
+      const Keyframe& own, const PeerKeyframe& other,
+      const std::vector<PeerLandmark>& landmarks) const;
   [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own,
                                                    const std::vector<PeerPoint>& points,
                                                    const std::vector<Search>& searches) const;
   [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
                                                 const std::vector<OwnFeature>& features,
                                                 const std::vector<PeerPoint>& points) const;
+  // Corners that both track.
+  [[nodiscard]] std::vector<LandmarkMatch> matches_of(const Keyframe& own,
+                                                      const std::vector<PeerLandmark>& landmarks,
+                                                      const std::vector<IndexPair>& pairs) const;
+  // Landmarks that were found. What one is next to, of the own corners, is as far away.
+  [[nodiscard]] std::vector<LandmarkMatch> aligned_of(const Keyframe& own,
+                                                      const std::vector<PeerLandmark>& landmarks,
+                                                      const std::vector<IndexPair>& pairs,
+                                                      const std::vector<Search>& searches) const;
 
   KeyframeMatcherConfig config_;
   CameraIntrinsics camera_;
