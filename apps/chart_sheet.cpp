@@ -11,7 +11,6 @@ namespace covey {
 namespace {
 
 constexpr double kLegendHeight = 26, kLeastWidth = 640;  // px
-constexpr std::size_t kChartsAbreast = 3;
 
 std::string open_svg(double x, double y, const Chart& chart) {
   char text[128];
@@ -38,13 +37,15 @@ std::string drawn(const std::vector<SheetEntry>& legend) {
 
 }  // namespace
 
-std::string chart_sheet(const std::vector<Chart>& charts, const std::vector<SheetEntry>& legend) {
+std::string chart_sheet(const std::vector<Chart>& charts, const std::vector<SheetEntry>& legend,
+                        std::size_t abreast) {
   if (charts.empty()) return "";
   const Chart& first = charts.front();
-  const std::size_t columns = std::min(kChartsAbreast, charts.size());
+  const std::size_t columns = std::min(abreast, charts.size());
   const std::size_t rows = (charts.size() + columns - 1) / columns;
   const double width = std::max(kLeastWidth, first.width_px * static_cast<double>(columns));
-  const double height = kLegendHeight + first.height_px * static_cast<double>(rows);
+  const double top = legend.empty() ? 0 : kLegendHeight;
+  const double height = top + first.height_px * static_cast<double>(rows);
   char head[256];
   std::snprintf(head, sizeof head,
                 "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" "
@@ -52,11 +53,11 @@ std::string chart_sheet(const std::vector<Chart>& charts, const std::vector<Shee
                 width, height, width, height);
   std::string drawing = head + ("<style>" + std::string(kReportStyle)) +
                         "</style>\n<rect width=\"100%\" height=\"100%\" fill=\"var(--card)\"/>\n" +
-                        drawn(legend) + "\n";
+                        (legend.empty() ? "" : drawn(legend) + "\n");
   for (std::size_t i = 0; i < charts.size(); ++i) {
     const std::size_t row = i / columns, column = i % columns;
     drawing += open_svg(first.width_px * static_cast<double>(column),
-                        kLegendHeight + first.height_px * static_cast<double>(row), first) +
+                        top + first.height_px * static_cast<double>(row), first) +
                render_svg(charts[i]) + "</svg>\n";
   }
   return drawing + "</svg>\n";

@@ -3,6 +3,7 @@
 // Charts side by side in one SVG file that needs no page around it.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -15,8 +16,10 @@ struct SheetEntry {
   std::string color;  // of report_style.h
 };
 
-// Three abreast, all as large as the first; the legend stands above them.
+// All as large as the first, `abreast` or less in a row; the legend, if there is one, stands above
+// them.
 [[nodiscard]] std::string chart_sheet(const std::vector<Chart>& charts,
-                                      const std::vector<SheetEntry>& legend);
+                                      const std::vector<SheetEntry>& legend,
+                                      std::size_t abreast = 3);
 
 }  // namespace covey

@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "apps/chart_sheet.h"
 #include "apps/json_file.h"
-#include "apps/report_style.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
 
@@ -111,27 +111,6 @@ std::vector<Chart> charts_of(const std::vector<ScalingPoint>& points) {
   return {error, peers, bytes, cpu};
 }
 
-std::string drawing_of(const std::vector<ScalingPoint>& points) {
-  const std::vector<Chart> charts = charts_of(points);
-  std::string drawing;
-  double x = 0;
-  for (const Chart& chart : charts) {
-    char place[96];
-    std::snprintf(place, sizeof place, "<svg x=\"%.0f\" y=\"0\" width=\"%.0f\" height=\"%.0f\">", x,
-                  chart.width_px, chart.height_px);
-    drawing += place + render_svg(chart) + "</svg>\n";
-    x += chart.width_px;
-  }
-  char head[192];
-  std::snprintf(head, sizeof head,
-                "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" "
-                "width=\"%.0f\" height=\"%.0f\" font-family=\"system-ui, sans-serif\">\n",
-                x, charts.front().height_px, x, charts.front().height_px);
-  return head + ("<style>" + std::string(kReportStyle)) +
-         "</style>\n<rect width=\"100%\" height=\"100%\" fill=\"var(--card)\"/>\n" + drawing +
-         "</svg>\n";
-}
-
 }  // namespace
 
 void write_scaling(const std::filesystem::path& folder, const StudyConfig& config,
@@ -141,7 +120,8 @@ void write_scaling(const std::filesystem::path& folder, const StudyConfig& confi
   for (const ScalingPoint& point : points) json["points"].push_back(to_json(point));
   write_json_file(folder / "summary.json", json);
   write_whole_file(folder / "scaling.csv", scaling_csv(points));
-  write_whole_file(folder / "scaling.svg", drawing_of(points));
+  const std::vector<Chart> charts = charts_of(points);
+  write_whole_file(folder / "scaling.svg", chart_sheet(charts, {}, charts.size()));
 }
 
 void write_ablation(const std::filesystem::path& folder, const StudyConfig& config,
