@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "apps/config_file.h"
+#include "apps/config_json.h"
 #include "apps/config_visitor.h"
 #include "apps/json_file.h"
 
@@ -118,9 +119,7 @@ class StrictObject {
     if (!json.is_number()) fail(key, "is not a number: " + json.dump());
     const auto value = json.get<double>();
     if (!(value >= range.min && value <= range.max)) {
-      char limits[64];
-      std::snprintf(limits, sizeof limits, "%g .. %g", range.min, range.max);
-      fail(key, "is out of range (" + std::string(limits) + "): " + json.dump());
+      fail(key, "is out of range (" + range_text(range) + "): " + json.dump());
     }
     return value;
   }
