@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// A queue between two threads that never grows beyond its capacity: the producer either waits or
-// pushes out the oldest, which is counted. Closing it wakes everybody.
+// A queue between two threads that never grows beyond its capacity: what is new pushes out the
+// oldest, which is counted. Closing it wakes who waits.
 #pragma once
 
 #include <condition_variable>
@@ -19,21 +19,17 @@ class BoundedQueue {
  public:
   explicit BoundedQueue(std::size_t capacity) : capacity_(capacity == 0 ? 1 : capacity) {}
 
-  // Waits for room. False once the queue is closed; `value` is then lost.
-  bool push_wait(T value) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return closed_ || items_.size() < capacity_; });
-    return push_locked(std::move(value));
-  }
-
-  // Makes room by dropping the oldest. False once the queue is closed.
+  // Makes room by dropping the oldest. False once the queue is closed; `value` is then lost.
   bool push_drop_oldest(T value) {
     const std::lock_guard lock(mutex_);
-    if (!closed_ && items_.size() >= capacity_) {
+    if (closed_) return false;
+    if (items_.size() >= capacity_) {
       items_.pop_front();
       ++dropped_;
     }
-    return push_locked(std::move(value));
+    items_.push_back(std::move(value));
+    changed_.notify_all();
+    return true;
   }
 
   // Waits at most `timeout`. Nothing: time is up, or the queue is closed and empty.
@@ -44,7 +40,6 @@ class BoundedQueue {
     if (items_.empty()) return std::nullopt;
     T value = std::move(items_.front());
     items_.pop_front();
-    changed_.notify_all();
     return value;
   }
 
@@ -71,13 +66,6 @@ class BoundedQueue {
   }
 
  private:
-  bool push_locked(T value) {
-    if (closed_) return false;
-    items_.push_back(std::move(value));
-    changed_.notify_all();
-    return true;
-  }
-
   const std::size_t capacity_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
