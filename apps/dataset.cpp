@@ -211,7 +211,6 @@ GroundTruth read_ground_truth(const fs::path& csv) {
                              ": holds no ground truth; remove the folder if there is none");
   }
   if (columns < 11) differentiate_velocity(truth.states);
-  truth.has_biases = columns >= 17;
   return truth;
 }
 

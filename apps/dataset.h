@@ -28,10 +28,10 @@ struct ImageEntry {
   std::filesystem::path path;
 };
 
-// Strictly increasing stamps, at least two states.
+// Strictly increasing stamps, at least two states. Where the file has none, velocities are
+// differentiated and biases zero.
 struct GroundTruth {
   std::vector<TrueState> states;
-  bool has_biases = false;  // otherwise zero; velocities are differentiated where the file has none
 };
 
 // A hole in the IMU stream, longer than five times the median period.

@@ -99,11 +99,4 @@ void write_tum(const std::filesystem::path& file, const StampedPoses& trajectory
   writer.close();
 }
 
-void write_covariances(const std::filesystem::path& file,
-                       const std::vector<StampedCovariance>& covariances) {
-  LineWriter writer(file, kCovarianceHeader);
-  for (const StampedCovariance& sample : covariances) writer.write_line(covariance_line(sample));
-  writer.close();
-}
-
 }  // namespace covey

@@ -38,7 +38,5 @@ inline constexpr char kCovarianceHeader[] =
 [[nodiscard]] std::string covariance_line(const StampedCovariance& sample);
 
 void write_tum(const std::filesystem::path& file, const StampedPoses& trajectory);
-void write_covariances(const std::filesystem::path& file,
-                       const std::vector<StampedCovariance>& covariances);
 
 }  // namespace covey

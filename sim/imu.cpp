@@ -29,14 +29,6 @@ ImuSensor icm20608() {
   return sensor;
 }
 
-ImuSensor noise_free_imu() {
-  ImuSensor sensor;
-  sensor.noise = {0, 0, 0, 0};
-  sensor.gyro_start_bias_sigma = 0;
-  sensor.accel_start_bias_sigma = 0;
-  return sensor;
-}
-
 const ImuBias& ImuRecording::bias_at(TimeNs stamp_ns) const {
   assert(!biases.empty() && biases.size() == samples.size());
   const auto after = std::upper_bound(

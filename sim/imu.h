@@ -23,7 +23,6 @@ struct ImuSensor {
 
 [[nodiscard]] ImuSensor adis16448();
 [[nodiscard]] ImuSensor icm20608();
-[[nodiscard]] ImuSensor noise_free_imu();
 
 struct ImuBias {
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero();   // rad/s

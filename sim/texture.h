@@ -27,8 +27,6 @@ class Texture {
   // The same for a round footprint of the given width.
   [[nodiscard]] float sample(float u, float v, float width) const;
 
-  [[nodiscard]] float period_m() const { return static_cast<float>(size_) * texel_m_; }
-
  private:
   [[nodiscard]] float trilinear(float x, float y, float level) const;
 

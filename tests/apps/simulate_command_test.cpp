@@ -52,7 +52,7 @@ TEST(SimulateCommand, WritesWhatTheDatasetReaderReads) {
   EXPECT_EQ(dataset.images.size(), 2u);
   EXPECT_EQ(dataset.imu.size(), 201u);
   ASSERT_TRUE(dataset.ground_truth.has_value());
-  EXPECT_TRUE(dataset.ground_truth->has_biases);
+  EXPECT_FALSE(dataset.ground_truth->states[0].gyro_bias.isZero());
   EXPECT_EQ(dataset.camera.model, DistortionModel::kEquidistant);
   EXPECT_TRUE(dataset.warnings.empty());
   const cv::Mat grey = read_image(dataset.images[0], 640, 512);

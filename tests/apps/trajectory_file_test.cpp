@@ -74,8 +74,8 @@ TEST_F(TrajectoryFile, CovariancesAreReadBackSymmetric) {
     for (int col = 0; col < 6; ++col)
       sample.covariance(row, col) = row * col + (row == col ? 1 : 0);
   }
-  write_covariances(folder_.path() / "covariance.csv", {sample});
-  const auto read = read_covariances(folder_.path() / "covariance.csv");
+  const auto read = read_covariances(
+      folder_.write("covariance.csv", kCovarianceHeader + ("\n" + covariance_line(sample)) + "\n"));
   ASSERT_EQ(read.size(), 1u);
   EXPECT_EQ(read[0].stamp_ns, sample.stamp_ns);
   EXPECT_EQ(read[0].covariance, sample.covariance);

@@ -12,6 +12,14 @@
 namespace covey {
 namespace {
 
+ImuSensor noise_free_imu() {
+  ImuSensor sensor;
+  sensor.noise = {0, 0, 0, 0};
+  sensor.gyro_start_bias_sigma = 0;
+  sensor.accel_start_bias_sigma = 0;
+  return sensor;
+}
+
 struct Strapdown {
   Eigen::Vector3d p, v;
   Eigen::Quaterniond q;

@@ -81,10 +81,11 @@ TEST(Texture, LongFootprintsAverageAlongTheirMajorAxisOnly) {
 
 TEST(Texture, PeriodicBeyondItsEdges) {
   const Texture texture = checkers(64);
+  constexpr float kPeriod_m = 0.64f;
   EXPECT_NEAR(texture.sample(0.123f, 0.456f, 0.01f),
-              texture.sample(0.123f + texture.period_m(), 0.456f, 0.01f), 1e-4f);
+              texture.sample(0.123f + kPeriod_m, 0.456f, 0.01f), 1e-4f);
   EXPECT_NEAR(texture.sample(-0.1f, -0.3f, 0.01f),
-              texture.sample(-0.1f + texture.period_m(), -0.3f + texture.period_m(), 0.01f), 1e-4f);
+              texture.sample(-0.1f + kPeriod_m, -0.3f + kPeriod_m, 0.01f), 1e-4f);
 }
 
 }  // namespace
