@@ -5,6 +5,7 @@
 #include <cctype>
 #include <cstdio>
 #include <stdexcept>
+#include <utility>
 
 #include "apps/csv.h"
 #include "apps/png_file.h"
@@ -220,11 +221,16 @@ fs::path ground_truth_file(const fs::path& mav0) {
 
 Dataset read_sensors(const fs::path& mav0) {
   Dataset dataset;
-  const CameraCalibration camera = read_camera_file(mav0 / "cam0" / "sensor.yaml");
+  const fs::path camera_yaml = mav0 / "cam0" / "sensor.yaml";
+  const CameraCalibration camera = read_camera_file(camera_yaml);
   dataset.camera = camera.intrinsics;
   dataset.extrinsics = camera.extrinsics;
   dataset.thermal = camera.thermal;
-  dataset.imu_noise = read_imu_file(mav0 / "imu0" / "sensor.yaml");
+  const fs::path imu_yaml = mav0 / "imu0" / "sensor.yaml";
+  dataset.imu_noise = read_imu_file(imu_yaml);
+  dataset.warnings = doubts_about(camera, camera_yaml);
+  for (std::string& doubt : doubts_about(dataset.imu_noise, imu_yaml))
+    dataset.warnings.push_back(std::move(doubt));
   return dataset;
 }
 
@@ -238,7 +244,8 @@ Dataset read_dataset(const fs::path& mav0) {
   dataset.imu = read_imu(imu_csv);
   require_overlap(images, {imu_csv, dataset.imu.front().stamp_ns, dataset.imu.back().stamp_ns},
                   "the IMU");
-  dataset.warnings = coverage_warnings(imu_csv, dataset);
+  for (std::string& warning : coverage_warnings(imu_csv, dataset))
+    dataset.warnings.push_back(std::move(warning));
   dataset.imu_gaps = find_gaps(dataset.imu);
   for (const ImuGap& gap : dataset.imu_gaps) dataset.warnings.push_back(gap_warning(imu_csv, gap));
 

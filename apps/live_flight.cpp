@@ -222,6 +222,7 @@ bool run_live_agent(const AgentConfig& config) {
   const OnboardConfig onboard = onboard_config(config);
   OnboardLink link(onboard, world_name(config), config.agent.name + "/imu");
   LiveSensors sensors(onboard, link, description.camera);
+  for (const std::string& warning : description.warnings) spdlog::warn("{}", warning);
   std::optional<Agent> agent(std::in_place, config, description, link);
   spdlog::info("listens to {} and {} in DDS domain {}", onboard.image_topic, onboard.imu_topic,
                onboard.domain);

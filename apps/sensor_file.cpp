@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/sensor_file.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <yaml-cpp/yaml.h>
 
 #include <cctype>
@@ -215,6 +216,44 @@ ImuNoise read_imu_file(const std::filesystem::path& yaml) {
   noise.accel_density = file.positive("accelerometer_noise_density");
   noise.accel_random_walk = file.not_negative("accelerometer_random_walk");
   return noise;
+}
+
+std::vector<std::string> doubts_about(const CameraCalibration& camera,
+                                      const std::filesystem::path& file) {
+  constexpr double kFarthest_m = 3;  // camera from IMU, of anything that flies on one
+  constexpr double kNarrowest = 20, kWidest = 0.2;  // focal length over the image's width
+  const CameraIntrinsics& lens = camera.intrinsics;
+  std::vector<std::string> doubts;
+  const auto doubt = [&](const std::string& what) {
+    doubts.push_back(file.string() + ": " + what);
+  };
+  if (const double lever_m = camera.extrinsics.p_imu_cam.norm(); lever_m > kFarthest_m)
+    doubt(fmt::format("T_BS: camera and IMU are {:.1f} m apart: is it in metres?", lever_m));
+  const double focal = mean_focal_length_px(lens) / lens.width;
+  if (focal > kNarrowest || focal < kWidest) {
+    doubt(fmt::format(
+        "intrinsics: a focal length of {:.4g} px for an image {} px wide: is it in pixels?",
+        mean_focal_length_px(lens), lens.width));
+  }
+  if (!(lens.cx > 0 && lens.cx < lens.width && lens.cy > 0 && lens.cy < lens.height)) {
+    doubt(fmt::format("intrinsics: the principal point ({:.4g}, {:.4g}) lies outside the image",
+                      lens.cx, lens.cy));
+  }
+  return doubts;
+}
+
+std::vector<std::string> doubts_about(const ImuNoise& noise, const std::filesystem::path& file) {
+  constexpr double kNoisiestGyro = 0.1, kNoisiestAccel = 1;  // rad/s, m/s2, per sqrt(Hz)
+  std::vector<std::string> doubts;
+  const auto doubt = [&](const char* key, double density, const char* unit) {
+    doubts.push_back(
+        fmt::format("{}: {} of {:.4g}: is it in {}?", file.string(), key, density, unit));
+  };
+  if (noise.gyro_density > kNoisiestGyro)
+    doubt("gyroscope_noise_density", noise.gyro_density, "rad/s/sqrt(Hz)");
+  if (noise.accel_density > kNoisiestAccel)
+    doubt("accelerometer_noise_density", noise.accel_density, "m/s2/sqrt(Hz)");
+  return doubts;
 }
 
 }  // namespace covey

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "estimator/config.h"
 #include "frontend/camera.h"
@@ -15,6 +17,13 @@ struct CameraCalibration {
   CameraExtrinsics extrinsics;  // the body is the IMU
   bool thermal = false;         // its comment says so
 };
+
+// What can hardly be meant, one line each: units or fields that were mixed up, most often. `file`:
+// named in it.
+[[nodiscard]] std::vector<std::string> doubts_about(const CameraCalibration& camera,
+                                                    const std::filesystem::path& file);
+[[nodiscard]] std::vector<std::string> doubts_about(const ImuNoise& noise,
+                                                    const std::filesystem::path& file);
 
 // Both throw std::runtime_error naming file, key and line.
 [[nodiscard]] CameraCalibration read_camera_file(const std::filesystem::path& yaml);

@@ -134,6 +134,21 @@ TEST_F(DatasetTest, WindowsLineEndsAndBlankLinesAreNoMistake) {
   EXPECT_EQ(read_dataset(mav0()).images.size(), 3u);
 }
 
+TEST_F(DatasetTest, WhatASensorFileCanHardlyMeanIsSaidAndFlown) {
+  const auto doubts = [&] { return read_dataset(mav0()).warnings; };
+  write("cam0/sensor.yaml", replaced(kCameraYaml, "[45.5, 45.6,", "[0.7, 0.7,"));
+  EXPECT_THAT(doubts(),
+              ElementsAre(HasSubstr("cam0/sensor.yaml: intrinsics: a focal length of 0.7 px")));
+  write("cam0/sensor.yaml", replaced(kCameraYaml, "31.5, 23.5]", "315, 235]"));
+  EXPECT_THAT(doubts(), ElementsAre(HasSubstr("the principal point (315, 235) lies outside")));
+  write("cam0/sensor.yaml", replaced(kCameraYaml, "0.1,", "100,"));
+  EXPECT_THAT(doubts(), ElementsAre(AllOf(HasSubstr("100.0 m apart"), HasSubstr("in metres?"))));
+  write("cam0/sensor.yaml", kCameraYaml);
+  write("imu0/sensor.yaml", replaced(replaced(kImuYaml, "1.7e-4", "17"), "2.0e-3", "20"));
+  EXPECT_THAT(doubts(), ElementsAre(HasSubstr("imu0/sensor.yaml: gyroscope_noise_density of 17"),
+                                    HasSubstr("accelerometer_noise_density of 20")));
+}
+
 TEST_F(DatasetTest, SensorFilesNeedNoYamlHeader) {
   write("cam0/sensor.yaml", replaced(kCameraYaml, "%YAML:1.0\n", ""));
   write("imu0/sensor.yaml", std::string("%YAML:1.0\n---\n") + kImuYaml);
