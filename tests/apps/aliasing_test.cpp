@@ -55,7 +55,7 @@ class Flyer {
  public:
   explicit Flyer(DroneSimulation simulation)
       : simulation_(std::move(simulation)),
-        pipeline_(config(), sensors(), GroundTruth{simulation_.true_states(), true}) {}
+        pipeline_(config(), sensors(), GroundTruth{simulation_.true_states()}) {}
 
   [[nodiscard]] std::size_t images() const { return simulation_.image_stamps().size(); }
 
