@@ -109,7 +109,6 @@ class MessageReader {
         return std::nullopt;
     }
   }
-  [[nodiscard]] const std::map<std::uint16_t, BagTopic>& topics() const { return topics_; }
 
  private:
   std::map<std::uint16_t, std::string> types_;  // by schema

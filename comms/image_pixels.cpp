@@ -12,8 +12,8 @@ namespace {
 using Pixels = std::vector<std::uint8_t>;
 using Kind = PixelFormat::Kind;
 
-// `formats`: newer and older names of one layout. The planes of nv12 and nv21 begin with that of
-// the brightness.
+// Newer and older names of one layout have one format. The planes of nv12 and nv21 begin with that
+// of the brightness.
 const std::map<std::string, PixelFormat>& formats() {
   constexpr PixelFormat kGrey{Kind::kGrey, 1, {}, 0}, kDeepGrey{Kind::kGrey, 2, {}, 0};
   constexpr PixelFormat kMosaic{Kind::kMosaic, 1, {}, 0};
