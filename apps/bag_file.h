@@ -22,8 +22,7 @@ struct BagTopic {
   std::size_t messages = 0;  // recorded
 };
 
-// False: no more, please.
-using TakeMessage = std::function<bool(const Bytes&)>;
+using TakeMessage = std::function<void(const Bytes&)>;
 
 class BagFile {
  public:
@@ -34,9 +33,8 @@ class BagFile {
 
   [[nodiscard]] virtual std::vector<BagTopic> topics() const = 0;  // of CDR messages
   [[nodiscard]] virtual std::int64_t begin_ns() const = 0;         // of the recording; 0: empty
-  // All messages of a topic in the order in which they were recorded. False if `take` has had
-  // enough.
-  virtual bool read(const std::string& topic, const TakeMessage& take) const = 0;
+  // All messages of a topic in the order in which they were recorded.
+  virtual void read(const std::string& topic, const TakeMessage& take) const = 0;
 };
 
 [[nodiscard]] std::unique_ptr<BagFile> open_sqlite_bag(const std::filesystem::path& file);

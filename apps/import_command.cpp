@@ -123,7 +123,7 @@ TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntr
     Decoded<CameraImage> decoded = decode_image(message);
     if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
       left_out.count(rejected->reason);
-      return true;
+      return;
     }
     auto& image = std::get<CameraImage>(decoded);
     require_size(image, camera, options, topic);
@@ -131,11 +131,10 @@ TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntr
       shift_ns = nanoseconds(*options.first_stamp_s) - image.stamp_ns;
     if (newest_ns && image.stamp_ns <= *newest_ns) {
       left_out.count("not newer than the one before");
-      return true;
+      return;
     }
     newest_ns = image.stamp_ns;
     write_png(list.add(image.stamp_ns + shift_ns).string(), pixels_of(image));
-    return true;
   });
   if (!newest_ns) left_out.fail(topic.name);
   list.close();
@@ -157,7 +156,6 @@ std::vector<ImuSample> read_imu(const Ros2Bag& bag, const BagTopic& topic, TimeN
     } else {
       left_out.count(std::get<Rejected>(decoded).reason);
     }
-    return true;
   });
   std::stable_sort(samples.begin(), samples.end(),
                    [](const ImuSample& a, const ImuSample& b) { return a.stamp_ns < b.stamp_ns; });

@@ -132,10 +132,9 @@ class McapBag : public BagFile {
   explicit McapBag(fs::path file) : file_(std::move(file)) {
     std::map<std::string, BagTopic> by_name;
     begin_ns_ = std::numeric_limits<std::int64_t>::max();
-    (void)read_all([&](const Message& message) {
+    read_all([&](const Message& message) {
       ++by_name.try_emplace(message.topic.name, message.topic).first->second.messages;
       begin_ns_ = std::min(begin_ns_, message.stamp_ns);
-      return true;
     });
     if (by_name.empty()) begin_ns_ = 0;
     for (auto& [name, topic] : by_name) topics_.push_back(std::move(topic));
@@ -143,9 +142,10 @@ class McapBag : public BagFile {
 
   [[nodiscard]] std::vector<BagTopic> topics() const override { return topics_; }
   [[nodiscard]] std::int64_t begin_ns() const override { return begin_ns_; }
-  bool read(const std::string& topic, const TakeMessage& take) const override {
-    return read_all(
-        [&](const Message& message) { return message.topic.name != topic || take(message.data); });
+  void read(const std::string& topic, const TakeMessage& take) const override {
+    read_all([&](const Message& message) {
+      if (message.topic.name == topic) take(message.data);
+    });
   }
 
  private:
@@ -153,34 +153,33 @@ class McapBag : public BagFile {
     throw std::runtime_error(file_.string() + ": no MCAP file that can be read: " + why);
   }
 
-  // False if `take` has had enough.
   template <typename Take>
-  bool read_all(const Take& take) const {
+  void read_all(const Take& take) const {
     std::ifstream in(file_, std::ios::binary);
     std::array<char, kMagic.size()> magic{};
     if (!in.read(magic.data(), magic.size()) || magic != kMagic) fail("another beginning");
     MessageReader reader;
     try {
       while (const std::optional<Record> record = next(in)) {
-        if (record->kind == kDataEnd) return true;
-        if (!(record->kind == kChunk ? read_chunk(record->content, reader, take)
-                                     : read_one(*record, reader, take)))
-          return false;
+        if (record->kind == kDataEnd) return;
+        if (record->kind == kChunk)
+          read_chunk(record->content, reader, take);
+        else
+          read_one(*record, reader, take);
       }
     } catch (const Unreadable& error) {
       fail(error.what());
     }
-    return true;
   }
 
   template <typename Take>
-  static bool read_one(const Record& record, MessageReader& reader, const Take& take) {
+  static void read_one(const Record& record, MessageReader& reader, const Take& take) {
     const std::optional<Message> message = reader.read(record);
-    return !message || take(*message);
+    if (message) take(*message);
   }
 
   template <typename Take>
-  static bool read_chunk(const Bytes& content, MessageReader& reader, const Take& take) {
+  static void read_chunk(const Bytes& content, MessageReader& reader, const Take& take) {
     Fields chunk(content);
     (void)chunk.number<std::uint64_t>();  // first and last stamp
     (void)chunk.number<std::uint64_t>();
@@ -195,9 +194,8 @@ class McapBag : public BagFile {
       record.kind = fields.number<std::uint8_t>();
       const auto record_size = fields.number<std::uint64_t>();
       record.content = fields.bytes(record_size);
-      if (!read_one(record, reader, take)) return false;
+      read_one(record, reader, take);
     }
-    return true;
   }
 
   // None at the end, or where the file was cut short.

@@ -56,9 +56,7 @@ Ros2Bag::Ros2Bag(const fs::path& bag) {
 }
 
 void Ros2Bag::read(const std::string& topic, const TakeMessage& take) const {
-  for (const std::unique_ptr<BagFile>& file : files_) {
-    if (!file->read(topic, take)) return;
-  }
+  for (const std::unique_ptr<BagFile>& file : files_) file->read(topic, take);
 }
 
 }  // namespace covey

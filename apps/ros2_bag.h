@@ -20,8 +20,7 @@ class Ros2Bag {
 
   [[nodiscard]] const std::vector<BagTopic>& topics() const { return topics_; }  // by name
 
-  // All messages of a topic in the order in which they were recorded, until one is answered with
-  // false.
+  // All messages of a topic in the order in which they were recorded.
   void read(const std::string& topic, const TakeMessage& take) const;
 
  private:

@@ -97,15 +97,12 @@ class SqliteBag : public BagFile {
     return query.next() ? query.integer(0) : 0;
   }
 
-  bool read(const std::string& topic, const TakeMessage& take) const override {
+  void read(const std::string& topic, const TakeMessage& take) const override {
     Query query(database_,
                 "SELECT data FROM messages JOIN topics ON topics.id = messages.topic_id "
                 "WHERE topics.name = ?1 ORDER BY messages.timestamp, messages.id");
     query.bind(1, topic);
-    while (query.next()) {
-      if (!take(query.bytes(0))) return false;
-    }
-    return true;
+    while (query.next()) take(query.bytes(0));
   }
 
  private:
