@@ -39,7 +39,10 @@ if(COVEY_WARNINGS_AS_ERRORS)
   list(APPEND COVEY_WARNING_FLAGS -Werror)
 endif()
 
-if(COVEY_SANITIZE)
+if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
+  # Not part of GCC's -Wconversion either.
+  list(APPEND COVEY_WARNING_FLAGS -Wno-sign-conversion)
+elseif(COVEY_SANITIZE)
   # GCC's instrumentation makes it see uninitialised members in <regex>; release builds still look.
   list(APPEND COVEY_WARNING_FLAGS -Wno-maybe-uninitialized)
 endif()
