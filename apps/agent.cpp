@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "apps/earlier_flight.h"
 #include "apps/json_file.h"
 #include "apps/link_process.h"
 #include "apps/stop_signal.h"
@@ -39,11 +40,9 @@ fs::path make_folder(const AgentSettings& agent) {
   std::error_code error;
   fs::create_directories(agent.out, error);
   if (error) throw std::runtime_error(agent.out + ": cannot be made: " + error.message());
-  // By the first two others see whether this flight goes on or has ended; not an earlier one.
-  const fs::path folder = agent.out;
-  for (const char* file : {kAgentSummaryFile, kAgentStatusFile}) fs::remove(folder / file);
-  for (const char* file : kRunFiles) fs::remove(folder / file);
-  return folder;
+  if (const auto earlier = set_aside_earlier_flight(agent.out))
+    spdlog::info("an earlier flight is in {} now", earlier->string());
+  return agent.out;
 }
 
 // Whether the whole filter fits into a message.
@@ -593,7 +592,7 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 
 }  // namespace
 
-void Agent::finish(const std::optional<std::string>& incomplete) {
+AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();
@@ -628,6 +627,7 @@ void Agent::finish(const std::optional<std::string>& incomplete) {
                     {"repeated_images", repeated_images_},
                     {"uniform_images", uniform_images_}};
   write_json_file(folder_ / kAgentSummaryFile, json);
+  return told;
 }
 
 }  // namespace covey

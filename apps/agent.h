@@ -87,7 +87,7 @@ class Agent {
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
   // Closes the files and writes the summary. `incomplete`: why the flight ended early, if it did.
-  void finish(const std::optional<std::string>& incomplete = {});
+  AgentSummary finish(const std::optional<std::string>& incomplete = {});
 
  private:
   Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard);

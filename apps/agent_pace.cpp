@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <exception>
 #include <set>
 #include <stdexcept>
@@ -280,12 +281,23 @@ void warn_of_loopback(const AgentConfig& config) {
       "nothing leaves this computer");
 }
 
+// Nobody else does.
+void tell_result(const AgentConfig& config, const AgentSummary& summary) {
+  if (summary.not_started) throw std::runtime_error("did not start: " + *summary.not_started);
+  std::printf("%s: %lld images, started after %.1f s, flew %.1f m; results in %s\n",
+              config.agent.name.c_str(), static_cast<long long>(summary.frames),
+              summary.initialised_after_s.value_or(0), summary.distance_m.value_or(0),
+              config.agent.out.c_str());
+}
+
 bool fly_recording(const AgentConfig& config, Control& control) {
   Agent agent(config);
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
   control.say(ready_reply(agent.images()));
   const bool complete = meet_peers(agent, control) && fly(agent, control);
-  agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
+  const AgentSummary summary =
+      agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
+  if (complete && !control.has_team()) tell_result(config, summary);
   return complete;
 }
 

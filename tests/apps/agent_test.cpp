@@ -9,7 +9,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "apps/earlier_flight.h"
 #include "apps/free_domain.h"
+#include "apps/trajectory_file.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
 
@@ -118,6 +120,7 @@ TEST(Agent, FliesAloneWithoutATeam) {
   CoveyProcess covey({"agent", "--config", config.string(), "--name", "scout", "--dataset",
                       std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out", out.string()});
   ASSERT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("scout: "), HasSubstr("results in " + out.string())));
   const AgentSummary summary =
       agent_summary_from_json(json::parse(file_content(out / kAgentSummaryFile)), "summary");
   EXPECT_GT(summary.frames, 5);
@@ -196,6 +199,32 @@ TEST(Agent, AStartThatFailsLeavesAnEarlierFlight) {
     for (const char* file : {kTrajectoryFile, kAgentSummaryFile, kAgentStatusFile})
       EXPECT_EQ(file_content(out / file), "old") << complaint << ": " << file;
   }
+}
+
+TEST(Agent, AnEarlierFlightIsSetAsideNotLost) {
+  const TemporaryFolder folder;
+  const std::string flown = std::string(kTumHeader) + "\n1.0 0 0 0 0 0 0 1\n";
+  (void)folder.write(kTrajectoryFile, flown);
+  (void)folder.write(kAgentSummaryFile, "{}");
+  (void)folder.write("notes.txt", "of the pilot");
+  EXPECT_EQ(set_aside_earlier_flight(folder.path()), folder.path() / "earlier/1");
+  EXPECT_EQ(file_content(folder.path() / "earlier/1" / kTrajectoryFile), flown);
+  EXPECT_EQ(file_content(folder.path() / "earlier/1" / kAgentSummaryFile), "{}");
+  EXPECT_FALSE(fs::exists(folder.path() / kTrajectoryFile));
+  EXPECT_FALSE(fs::exists(folder.path() / kAgentSummaryFile));
+  EXPECT_TRUE(fs::exists(folder.path() / "notes.txt"));
+
+  (void)folder.write(kTrajectoryFile, flown);
+  EXPECT_EQ(set_aside_earlier_flight(folder.path()), folder.path() / "earlier/2");
+}
+
+TEST(Agent, WhatNeverFlewIsNotKept) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(set_aside_earlier_flight(folder.path()), std::nullopt);
+  (void)folder.write(kTrajectoryFile, std::string(kTumHeader) + "\n");
+  (void)folder.write(kAgentStatusFile, "{}");
+  EXPECT_EQ(set_aside_earlier_flight(folder.path()), std::nullopt);
+  EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
 TEST(Agent, WithoutATeamThereIsNoLockstep) {
