@@ -2,15 +2,42 @@
 #include "apps/json_file.h"
 
 #include <fstream>
+#include <set>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/whole_file.h"
 
 namespace covey {
 
+namespace {
+
+// Of two values of one key the first would be lost without a word.
+class UniqueKeys {
+ public:
+  explicit UniqueKeys(std::string name) : name_(std::move(name)) {}
+
+  bool operator()(int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+    using Event = nlohmann::json::parse_event_t;
+    if (event == Event::object_start) open_objects_.emplace_back();
+    if (event == Event::object_end) open_objects_.pop_back();
+    if (event == Event::key && !open_objects_.back().insert(parsed.get<std::string>()).second)
+      throw std::runtime_error(name_ + ": key " + parsed.dump() + " stands twice in one object");
+    return true;
+  }
+
+ private:
+  std::string name_;
+  std::vector<std::set<std::string>> open_objects_;
+};
+
+}  // namespace
+
 nlohmann::json parse_json(std::istream& stream, const std::string& name) {
   try {
-    return nlohmann::json::parse(stream);
+    return nlohmann::json::parse(stream, UniqueKeys(name));
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(name + ": not valid JSON: " + error.what());
   }

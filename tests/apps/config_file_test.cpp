@@ -118,6 +118,15 @@ TEST(ConfigFile, BrokenJsonAndMissingFilesAreNamed) {
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("/nowhere/config.json")));
 }
 
+TEST(ConfigFile, AKeyThatStandsTwiceIsNamed) {
+  const std::string file = testing::TempDir() + "twofold_config.json";
+  std::ofstream(file) << R"({"link": {"domain": 1}, "agent": {"name": "a", "domain": 1},
+                             "tracker": {"max_tracks": 9, "max_tracks": 90}})";
+  EXPECT_THAT([&] { (void)read_config(file); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr(file), HasSubstr("key \"max_tracks\" stands twice"))));
+}
+
 TEST(ConfigFile, EveryPrintedKeyIsDescribed) {
   const json printed = json::parse(print_config(AgentConfig()));
   const std::string description = describe_config();
