@@ -17,10 +17,10 @@
 #include <utility>
 #include <vector>
 
+#include "apps/bag.h"
 #include "apps/dataset.h"
 #include "apps/png_file.h"
 #include "apps/progress.h"
-#include "apps/ros2_bag.h"
 #include "apps/stop_signal.h"
 #include "comms/onboard_messages.h"
 #include "sim/dataset_writer.h"
@@ -29,10 +29,6 @@ namespace covey {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kImageType = "sensor_msgs/msg/Image";
-constexpr const char* kImuType = "sensor_msgs/msg/Imu";
-constexpr const char* kPx4ImuType = "px4_msgs/msg/SensorCombined";
 
 struct Options {
   std::string bag, sensors, image_topic, imu_topic, out;
@@ -52,7 +48,7 @@ std::string names_of(const std::vector<BagTopic>& topics) {
 }
 
 // The one that is named, or the only one of its kind. `option`: that names it.
-BagTopic choose_topic(const Ros2Bag& bag, const Options& options, const std::string& named,
+BagTopic choose_topic(const Bag& bag, const Options& options, const std::string& named,
                       const std::string& option, const Types& types) {
   std::vector<BagTopic> fitting;
   std::copy_if(bag.topics().begin(), bag.topics().end(), std::back_inserter(fitting),
@@ -109,7 +105,7 @@ void require_size(const CameraImage& image, const CameraIntrinsics& camera, cons
 
 // By how much stamps are moved, which the first image decides. Images that are not newer than the
 // one before are left out: tracks need them in order.
-TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntrinsics& camera,
+TimeNs import_images(const Bag& bag, const BagTopic& topic, const CameraIntrinsics& camera,
                      const Options& options, const fs::path& cam0) {
   ImageList list(cam0);
   Progress progress(topic.messages);
@@ -117,10 +113,9 @@ TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntr
   std::optional<TimeNs> newest_ns;
   TimeNs shift_ns = 0;
   std::size_t read = 0;
-  bag.read(topic.name, [&](const Bytes& message) {
+  bag.read_images(topic, [&](Decoded<CameraImage> decoded) {
     stop_if_asked();
     progress.show(++read);
-    Decoded<CameraImage> decoded = decode_image(message);
     if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
       left_out.count(rejected->reason);
       return;
@@ -143,13 +138,11 @@ TimeNs import_images(const Ros2Bag& bag, const BagTopic& topic, const CameraIntr
 }
 
 // Sorted: drivers say some samples late, and a filter that reads a file need not mind.
-std::vector<ImuSample> read_imu(const Ros2Bag& bag, const BagTopic& topic, TimeNs shift_ns) {
-  const auto decode = topic.type == kPx4ImuType ? decode_px4_imu : decode_imu;
+std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs shift_ns) {
   std::vector<ImuSample> samples;
   LeftOut left_out;
-  bag.read(topic.name, [&](const Bytes& message) {
+  bag.read_imu(topic, [&](const Decoded<ImuSample>& decoded) {
     stop_if_asked();
-    const Decoded<ImuSample> decoded = decode(message);
     if (const auto* sample = std::get_if<ImuSample>(&decoded)) {
       samples.push_back(*sample);
       samples.back().stamp_ns += shift_ns;
@@ -179,7 +172,7 @@ void copy_sensor_file(const Options& options, const fs::path& mav0, const char* 
 void import_bag(const Options& options) {
   catch_stop_signals();
   const Dataset sensors = read_sensors(options.sensors);
-  const Ros2Bag bag(options.bag);
+  const Bag bag(options.bag);
   const BagTopic images =
       choose_topic(bag, options, options.image_topic, "--image-topic", {kImageType});
   const BagTopic imu =
@@ -203,12 +196,14 @@ void import_bag(const Options& options) {
 
 void add_import_command(CLI::App& covey) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = covey.add_subcommand("import", "A bag of ROS 2 as a folder to be flown");
+  CLI::App* command = covey.add_subcommand("import", "A bag of ROS 1 or 2 as a folder to be flown");
   command->footer(
       "Example: covey import bags/uav0 --sensors calibration/uav0 --out data/yard/uav0\n"
       "         covey team data/yard --out runs/yard --unknown-start\n"
       "Images as covey agent hears them: grey, colours, Bayer's mosaics; no compressed ones.");
-  command->add_option("bag", options->bag, "Folder of ros2 bag record, or its .db3 or .mcap file")
+  command
+      ->add_option("bag", options->bag,
+                   "Folder of ros2 bag record, its .db3 or .mcap file, or a .bag of ROS 1")
       ->required()
       ->type_name("BAG");
   command

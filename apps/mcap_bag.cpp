@@ -3,19 +3,17 @@
 // Storage mcap of rosbag2 (https://mcap.dev/spec): records of a kind, a length and that many bytes,
 // little-endian; most of them in chunks, which may be compressed. Indices and summaries are not
 // needed, so a recording that was cut short is read as far as it goes.
-#include <zstd.h>
-
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <fstream>
-#include <limits>
 #include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "apps/bag_chunk.h"
 #include "apps/bag_file.h"
+#include "comms/byte_fields.h"
 
 namespace covey {
 namespace {
@@ -27,63 +25,16 @@ constexpr std::uint64_t kMaxRecord = std::uint64_t{1} << 30U;  // bytes
 
 enum Kind : std::uint8_t { kSchema = 3, kChannel = 4, kMessage = 5, kChunk = 6, kDataEnd = 15 };
 
-class Unreadable : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
 struct Record {
   std::uint8_t kind = 0;
   Bytes content;
 };
 
-// Fields one after the other. Throws Unreadable where there are fewer bytes than that.
-class Fields {
- public:
-  explicit Fields(const Bytes& bytes) : bytes_(bytes) {}
-
-  [[nodiscard]] bool at_end() const { return at_ == bytes_.size(); }
-  template <typename Unsigned>
-  Unsigned number() {
-    const std::uint8_t* const first = next(sizeof(Unsigned));
-    std::uint64_t value = 0;
-    for (std::size_t i = sizeof(Unsigned); i-- > 0;) value = value << 8U | first[i];
-    return static_cast<Unsigned>(value);
-  }
-  std::string text() {
-    const auto size = number<std::uint32_t>();
-    const std::uint8_t* const first = next(size);
-    return {first, first + size};
-  }
-  Bytes bytes(std::uint64_t size) {
-    const std::uint8_t* const first = next(size);
-    return {first, first + size};
-  }
-  Bytes rest() { return bytes(bytes_.size() - at_); }
-
- private:
-  const std::uint8_t* next(std::uint64_t size) {
-    if (size > bytes_.size() - at_) throw Unreadable("fields end too early");
-    const std::uint8_t* const first = bytes_.data() + at_;
-    at_ += size;
-    return first;
-  }
-
-  const Bytes& bytes_;
-  std::size_t at_ = 0;
-};
-
-struct Message {
-  BagTopic topic;
-  std::int64_t stamp_ns = 0;
-  Bytes data;
-};
-
 // Keeps in mind what channels carry. Those of other encodings than CDR are left out.
 class MessageReader {
  public:
-  std::optional<Message> read(const Record& record) {
-    Fields fields(record.content);
+  std::optional<RecordedMessage> read(const Record& record) {
+    ByteFields fields(record.content);
     switch (record.kind) {
       case kSchema: {
         const auto id = fields.number<std::uint16_t>();
@@ -103,7 +54,7 @@ class MessageReader {
         (void)fields.number<std::uint32_t>();  // how many before it
         const auto stamp_ns = static_cast<std::int64_t>(fields.number<std::uint64_t>());
         (void)fields.number<std::uint64_t>();  // when it was said
-        return Message{topic->second, stamp_ns, fields.rest()};
+        return RecordedMessage{topic->second, stamp_ns, fields.rest()};
       }
       default:
         return std::nullopt;
@@ -115,35 +66,16 @@ class MessageReader {
   std::map<std::uint16_t, BagTopic> topics_;    // by channel
 };
 
-Bytes unpacked(const std::string& compression, const Bytes& packed, std::uint64_t size) {
-  if (compression.empty()) return packed;
-  if (compression != "zstd") throw Unreadable("chunks are compressed by " + compression);
-  if (size > kMaxRecord) throw Unreadable("chunk too large");
-  Bytes plain(size);
-  const std::size_t unpacked =
-      ZSTD_decompress(plain.data(), plain.size(), packed.data(), packed.size());
-  if (ZSTD_isError(unpacked) != 0U || unpacked != size)
-    throw Unreadable("chunk that cannot be unpacked");
-  return plain;
-}
-
 class McapBag : public BagFile {
  public:
-  explicit McapBag(fs::path file) : file_(std::move(file)) {
-    std::map<std::string, BagTopic> by_name;
-    begin_ns_ = std::numeric_limits<std::int64_t>::max();
-    read_all([&](const Message& message) {
-      ++by_name.try_emplace(message.topic.name, message.topic).first->second.messages;
-      begin_ns_ = std::min(begin_ns_, message.stamp_ns);
-    });
-    if (by_name.empty()) begin_ns_ = 0;
-    for (auto& [name, topic] : by_name) topics_.push_back(std::move(topic));
-  }
+  explicit McapBag(fs::path file)
+      : file_(std::move(file)),
+        contents_(contents_of([this](const auto& take) { read_all(take); })) {}
 
-  [[nodiscard]] std::vector<BagTopic> topics() const override { return topics_; }
-  [[nodiscard]] std::int64_t begin_ns() const override { return begin_ns_; }
+  [[nodiscard]] std::vector<BagTopic> topics() const override { return contents_.topics; }
+  [[nodiscard]] std::int64_t begin_ns() const override { return contents_.begin_ns; }
   void read(const std::string& topic, const TakeMessage& take) const override {
-    read_all([&](const Message& message) {
+    read_all([&](const RecordedMessage& message) {
       if (message.topic.name == topic) take(message.data);
     });
   }
@@ -174,13 +106,13 @@ class McapBag : public BagFile {
 
   template <typename Take>
   static void read_one(const Record& record, MessageReader& reader, const Take& take) {
-    const std::optional<Message> message = reader.read(record);
+    const std::optional<RecordedMessage> message = reader.read(record);
     if (message) take(*message);
   }
 
   template <typename Take>
   static void read_chunk(const Bytes& content, MessageReader& reader, const Take& take) {
-    Fields chunk(content);
+    ByteFields chunk(content);
     (void)chunk.number<std::uint64_t>();  // first and last stamp
     (void)chunk.number<std::uint64_t>();
     const auto size = chunk.number<std::uint64_t>();
@@ -188,7 +120,7 @@ class McapBag : public BagFile {
     const std::string compression = chunk.text();
     const auto packed_size = chunk.number<std::uint64_t>();
     const Bytes records = unpacked(compression, chunk.bytes(packed_size), size);
-    Fields fields(records);
+    ByteFields fields(records);
     while (!fields.at_end()) {
       Record record;
       record.kind = fields.number<std::uint8_t>();
@@ -203,7 +135,7 @@ class McapBag : public BagFile {
     Bytes head(1 + sizeof(std::uint64_t));
     if (!in.read(reinterpret_cast<char*>(head.data()), static_cast<std::streamsize>(head.size())))
       return std::nullopt;
-    Fields fields(head);
+    ByteFields fields(head);
     Record record;
     record.kind = fields.number<std::uint8_t>();
     const auto size = fields.number<std::uint64_t>();
@@ -216,8 +148,7 @@ class McapBag : public BagFile {
   }
 
   fs::path file_;
-  std::vector<BagTopic> topics_;
-  std::int64_t begin_ns_ = 0;
+  BagContents contents_;
 };
 
 }  // namespace

@@ -59,14 +59,14 @@ ros_geometry::Quaternion_ ros_quaternion(const Eigen::Quaterniond& q) {
   return out;
 }
 
-Problem problem_with(const ros_sensors::Image_& image) {
-  const std::optional<PixelFormat> format = pixel_format(image.encoding());
+Problem problem_with(const RosImage& image) {
+  const std::optional<PixelFormat> format = pixel_format(image.encoding);
   if (!format) return std::string("encoding is none of ") + kReadableEncodings;
-  if (image.width() == 0 || image.height() == 0) return "image without pixels";
-  if (image.width() > kMaxSide || image.height() > kMaxSide) return "image too large";
-  if (image.step() < image.width() * format->bytes) return "rows of an image overlap";
-  if (image.data().size() < std::size_t{image.step()} * image.height()) return "image cut short";
-  if (!is_stamp(stamp_of(image.header())) || stamp_of(image.header()) == 0) return "no valid stamp";
+  if (image.width == 0 || image.height == 0) return "image without pixels";
+  if (image.width > kMaxSide || image.height > kMaxSide) return "image too large";
+  if (image.step < image.width * format->bytes) return "rows of an image overlap";
+  if (image.data.size() < std::size_t{image.step} * image.height) return "image cut short";
+  if (!is_stamp(image.stamp_ns) || image.stamp_ns == 0) return "no valid stamp";
   return {};
 }
 
@@ -102,13 +102,6 @@ Eigen::Vector3d plain(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}
 // Per cent; 0 would mean that nothing is known of it.
 char px4_quality(FilterStatus status) { return status == FilterStatus::kTracking ? 100 : 1; }
 
-Decoded<ImuSample> checked(const ImuSample& sample) {
-  if (!is_stamp(sample.stamp_ns) || sample.stamp_ns == 0) return Rejected{"no valid stamp"};
-  if (!sample.gyro_imu.allFinite() || !sample.accel_imu.allFinite())
-    return Rejected{"value not finite"};
-  return sample;
-}
-
 }  // namespace
 
 Bytes encode(const CameraImage& image) {
@@ -133,22 +126,34 @@ Bytes encode(const ImuSample& sample) {
   return to_cdr(out);
 }
 
+Decoded<CameraImage> checked(RosImage image) {
+  if (const Problem problem = problem_with(image)) return Rejected{*problem};
+  CameraImage out;
+  out.stamp_ns = image.stamp_ns;
+  out.width = static_cast<int>(image.width);
+  out.height = static_cast<int>(image.height);
+  const PixelFormat format = *pixel_format(image.encoding);
+  const PixelRows rows{image.width, image.height, image.step, image.is_big_endian};
+  out.bytes_per_pixel =
+      format.kind == PixelFormat::Kind::kGrey ? static_cast<int>(format.bytes) : 1;
+  out.pixels = grey_pixels(format, rows, std::move(image.data));
+  return out;
+}
+
+Decoded<ImuSample> checked(const ImuSample& sample) {
+  if (!is_stamp(sample.stamp_ns) || sample.stamp_ns == 0) return Rejected{"no valid stamp"};
+  if (!sample.gyro_imu.allFinite() || !sample.accel_imu.allFinite())
+    return Rejected{"value not finite"};
+  return sample;
+}
+
 Decoded<CameraImage> decode_image(const Bytes& bytes) {
   if (const Problem problem = problem_with_cdr(bytes, kMaxImageBytes)) return Rejected{*problem};
   auto decoded = from_cdr<ros_sensors::Image_>(bytes);
   if (auto* rejected = std::get_if<Rejected>(&decoded)) return std::move(*rejected);
   auto& image = std::get<ros_sensors::Image_>(decoded);
-  if (const Problem problem = problem_with(image)) return Rejected{*problem};
-  CameraImage out;
-  out.stamp_ns = stamp_of(image.header());
-  out.width = static_cast<int>(image.width());
-  out.height = static_cast<int>(image.height());
-  const PixelFormat format = *pixel_format(image.encoding());
-  const PixelRows rows{image.width(), image.height(), image.step(), image.is_bigendian() != 0};
-  out.bytes_per_pixel =
-      format.kind == PixelFormat::Kind::kGrey ? static_cast<int>(format.bytes) : 1;
-  out.pixels = grey_pixels(format, rows, std::move(image.data()));
-  return out;
+  return checked(RosImage{stamp_of(image.header()), image.width(), image.height(), image.step(),
+                          image.encoding(), image.is_bigendian() != 0, std::move(image.data())});
 }
 
 Decoded<ImuSample> decode_imu(const Bytes& bytes) {
@@ -156,8 +161,8 @@ Decoded<ImuSample> decode_imu(const Bytes& bytes) {
   const auto decoded = from_cdr<ros_sensors::Imu_>(bytes);
   if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
   const auto& imu = std::get<ros_sensors::Imu_>(decoded);
-  return checked(
-      {stamp_of(imu.header()), plain(imu.angular_velocity()), plain(imu.linear_acceleration())});
+  return checked(ImuSample{stamp_of(imu.header()), plain(imu.angular_velocity()),
+                           plain(imu.linear_acceleration())});
 }
 
 Bytes encode_px4_imu(const ImuSample& sample) {
@@ -176,8 +181,9 @@ Decoded<ImuSample> decode_px4_imu(const Bytes& bytes) {
   const auto& imu = std::get<px4::SensorCombined_>(decoded);
   if (imu.accelerometer_timestamp_relative() == kNone) return Rejected{"no specific force"};
   if (imu.timestamp() > std::uint64_t{kMaxStampNs / 1000}) return Rejected{"no valid stamp"};
-  return checked({static_cast<TimeNs>(imu.timestamp()) * 1000, flipped(plain(imu.gyro_rad())),
-                  flipped(plain(imu.accelerometer_m_s2()))});
+  return checked(ImuSample{static_cast<TimeNs>(imu.timestamp()) * 1000,
+                           flipped(plain(imu.gyro_rad())),
+                           flipped(plain(imu.accelerometer_m_s2()))});
 }
 
 Bytes encode_nav_odometry(const BodyMotion& motion, const std::string& frame,

@@ -33,6 +33,16 @@ struct CameraImage {
   std::vector<std::uint8_t> pixels;
 };
 
+// sensor_msgs/Image, as ROS 1 and ROS 2 have it.
+struct RosImage {
+  TimeNs stamp_ns = 0;
+  std::uint32_t width = 0, height = 0;  // pixels
+  std::uint32_t step = 0;               // bytes from row to row
+  std::string encoding;                 // "mono8"; what else is read stands in image_pixels.h
+  bool is_big_endian = false;
+  std::vector<std::uint8_t> data;
+};
+
 // How the drone moves, for the other programs on board.
 struct BodyMotion {
   Odometry odometry;
@@ -40,12 +50,15 @@ struct BodyMotion {
   std::uint8_t restarts = 0;  // how often the filter has begun anew: positions may have jumped
 };
 
-// sensor_msgs/Image: mono8 or mono16; what else is read stands in image_pixels.h.
+// sensor_msgs/Image: sent as mono8 or mono16.
 // sensor_msgs/Imu: without orientation.
 [[nodiscard]] Bytes encode(const CameraImage& image);
 [[nodiscard]] Bytes encode(const ImuSample& sample);
 [[nodiscard]] Decoded<CameraImage> decode_image(const Bytes& bytes);
 [[nodiscard]] Decoded<ImuSample> decode_imu(const Bytes& bytes);
+// What both decoders do with a message once it is read.
+[[nodiscard]] Decoded<CameraImage> checked(RosImage image);
+[[nodiscard]] Decoded<ImuSample> checked(const ImuSample& sample);
 
 // px4_msgs/SensorCombined: the autopilot's own IMU. The sample's axes are forward, left, up of the
 // body.

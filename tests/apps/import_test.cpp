@@ -1,19 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bags of ROS 2, written here as `ros2 bag record` writes them, become a drone's folder.
+// Bags of ROS 2, written here as `ros2 bag record` writes them, and of ROS 1, written by rosbag,
+// become a drone's folder.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <lz4frame.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
 #include <sqlite3.h>
 #include <zstd.h>
 
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "apps/bag.h"
 #include "apps/dataset.h"
-#include "apps/ros2_bag.h"
 #include "comms/onboard_messages.h"
 #include "sim/dataset_writer.h"
 #include "tests/apps/command_run.h"
@@ -108,6 +115,11 @@ class McapBytes {
       records.resize(ZSTD_compressBound(bytes_.size()));
       records.resize(
           ZSTD_compress(records.data(), records.size(), bytes_.data(), bytes_.size(), 1));
+    }
+    if (compression == "lz4") {
+      records.resize(LZ4F_compressFrameBound(bytes_.size(), nullptr));
+      records.resize(LZ4F_compressFrame(records.data(), records.size(), bytes_.data(),
+                                        bytes_.size(), nullptr));
     }
     McapBytes content;
     content.put(std::uint64_t{0}).put(std::uint64_t{0}).put(std::uint64_t{bytes_.size()});
@@ -225,7 +237,7 @@ TEST_F(Import, FilesOfOneRecordingAreReadInItsOrder) {
   const Dataset dataset = read_recording(out() / "mav0");
   ASSERT_EQ(dataset.images.size(), 8U);
   EXPECT_EQ(dataset.images[5].stamp_ns, image_at(6, kWidth, kHeight, 1).stamp_ns);
-  EXPECT_EQ(Ros2Bag(bag()).topics().front().messages, 8U);
+  EXPECT_EQ(Bag(bag()).topics().front().messages, 8U);
 }
 
 TEST_F(Import, FlightsOfDifferentTimesArePutSideBySide) {
@@ -292,7 +304,8 @@ McapBytes recorded_mcap(int width, int height) {
 TEST_F(Import, McapIsReadInChunksPackedOrNot) {
   const McapBytes records = recorded_mcap(kWidth, kHeight);
   const McapBytes end = McapBytes().record(15, McapBytes().put(std::uint32_t{0}));
-  for (const McapBytes& data : {records, records.chunk(""), records.chunk("zstd")}) {
+  for (const McapBytes& data :
+       {records, records.chunk(""), records.chunk("zstd"), records.chunk("lz4")}) {
     const std::string file = McapBytes().raw(kMcapBegin).raw(data.bytes()).raw(end.bytes()).bytes();
     folder_.write("bag/flight_0.mcap", file);
     run_command(command());
@@ -325,17 +338,121 @@ TEST_F(Import, McapThatMakesNoSenseIsRefused) {
               HasSubstr("flight_0.mcap: no MCAP file that can be read: record too large"));
   EXPECT_THAT(complaint(McapBytes().record(3, McapBytes().put(std::uint8_t{1})).bytes()),
               HasSubstr("fields end too early"));
-  EXPECT_THAT(complaint(records.chunk("lz4").bytes()), HasSubstr("compressed by lz4"));
+  EXPECT_THAT(complaint(records.chunk("snappy").bytes()), HasSubstr("compressed by snappy"));
+  std::string broken = records.chunk("lz4").bytes();
+  broken[broken.find("\x04\x22\x4d\x18")] = 0;  // lz4's own beginning
+  EXPECT_THAT(complaint(broken), HasSubstr("cannot be unpacked"));
   std::string packed = records.chunk("zstd").bytes();
   packed[packed.find("\x28\xb5\x2f\xfd")] = 0;  // zstd's own beginning
   EXPECT_THAT(complaint(packed), HasSubstr("cannot be unpacked"));
   EXPECT_THAT(complaint(""), HasSubstr("no topic of sensor_msgs/msg/Image"));
 }
 
+ros::Time ros1_time(TimeNs stamp_ns) {
+  ros::Time time;
+  time.fromNSec(static_cast<std::uint64_t>(stamp_ns));
+  return time;
+}
+
+sensor_msgs::Image ros1(const CameraImage& image) {
+  sensor_msgs::Image out;
+  out.header.stamp = ros1_time(image.stamp_ns);
+  out.header.frame_id = "cam0";
+  out.width = static_cast<std::uint32_t>(image.width);
+  out.height = static_cast<std::uint32_t>(image.height);
+  out.step = static_cast<std::uint32_t>(image.width * image.bytes_per_pixel);
+  out.encoding = image.bytes_per_pixel == 1 ? "mono8" : "mono16";
+  out.data = image.pixels;
+  return out;
+}
+
+sensor_msgs::Imu ros1(const ImuSample& sample) {
+  sensor_msgs::Imu out;
+  out.header.stamp = ros1_time(sample.stamp_ns);
+  out.angular_velocity.x = sample.gyro_imu.x();
+  out.angular_velocity.y = sample.gyro_imu.y();
+  out.angular_velocity.z = sample.gyro_imu.z();
+  out.linear_acceleration.x = sample.accel_imu.x();
+  out.linear_acceleration.y = sample.accel_imu.y();
+  out.linear_acceleration.z = sample.accel_imu.z();
+  return out;
+}
+
+// Images `from` .. `until` of two bytes a pixel, and the IMU from 0.05 s before to 0.05 s after.
+void record_ros1(const fs::path& file, int from, int until, int width, int height,
+                 rosbag::CompressionType compression = rosbag::compression::Uncompressed) {
+  fs::create_directories(file.parent_path());
+  rosbag::Bag bag(file.string(), rosbag::bagmode::Write);
+  bag.setCompression(compression);
+  constexpr int kRatio = kImagePeriod_ns / kImuPeriod_ns;
+  for (int i = kRatio * (from - 1); i < kRatio * (until + 1); ++i)
+    bag.write("/imu0", ros1_time(sample_at(i).stamp_ns), ros1(sample_at(i)));
+  for (int i = from; i < until; ++i) {
+    const CameraImage image = image_at(i, width, height, 2);
+    bag.write("/cam0/image_raw", ros1_time(image.stamp_ns), ros1(image));
+  }
+}
+
+TEST_F(Import, BagsOfRos1AreReadPackedOrNot) {
+  for (const auto compression :
+       {rosbag::compression::Uncompressed, rosbag::compression::BZ2, rosbag::compression::LZ4}) {
+    record_ros1(bag() / "flight.bag", 0, 3, kWidth, kHeight, compression);
+    run_command(command());
+    const Dataset dataset = read_recording(out() / "mav0");
+    ASSERT_EQ(dataset.images.size(), 3U);
+    EXPECT_EQ(dataset.images[1].stamp_ns, image_at(1, kWidth, kHeight, 2).stamp_ns);
+    const cv::Mat pixels = read_image(dataset.images[1], kWidth, kHeight);
+    EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend),
+              image_at(1, kWidth, kHeight, 2).pixels);
+    ASSERT_EQ(dataset.imu.size(), 50U);
+    EXPECT_LT((dataset.imu[17].gyro_imu - sample_at(7).gyro_imu).norm(), 1e-9);
+    EXPECT_LT((dataset.imu[17].accel_imu - sample_at(7).accel_imu).norm(), 1e-9);
+    fs::remove_all(out());
+  }
+}
+
+TEST_F(Import, BagsOfOneRecordingOfRos1AreReadAsOne) {
+  record_ros1(bag() / "flight_1.bag", 3, 5, kWidth, kHeight);
+  record_ros1(bag() / "flight_0.bag", 0, 3, kWidth, kHeight);
+  EXPECT_EQ(Bag(bag()).topics().front().messages, 5U);
+  run_command(command());
+  EXPECT_EQ(read_recording(out() / "mav0").images.size(), 5U);
+}
+
+TEST_F(Import, BagsOfRos1ThatCannotBeReadAreNamed) {
+  const fs::path file = bag() / "flight.bag";
+  folder_.write("bag/flight.bag", "no bag");
+  EXPECT_THAT(complaint_of(command()), HasSubstr("flight.bag: no bag of ROS 1"));
+  record_ros1(file, 0, 3, kWidth, kHeight);
+  EXPECT_THAT(complaint_of(command("--imu-topic /cam0/image_raw")),
+              HasSubstr("no topic /cam0/image_raw of type sensor_msgs/msg/Imu"));
+  std::ifstream in(file, std::ios::binary);
+  std::string bytes{std::istreambuf_iterator<char>(in), {}};
+  const std::size_t packing = bytes.find("compression=none");
+  ASSERT_NE(packing, std::string::npos);
+  bytes.replace(packing, 16, "compression=nine");
+  folder_.write("bag/flight.bag", bytes);
+  EXPECT_THAT(complaint_of(command()), HasSubstr("compressed by nine"));
+  EXPECT_FALSE(fs::exists(out()));
+}
+
+TEST_F(Import, BagsOfRos1ThatWereCutShortAreReadAsFarAsTheyGo) {
+  const fs::path file = bag() / "flight_1.bag";
+  record_ros1(bag() / "flight_0.bag", 0, 3, kWidth, kHeight);
+  record_ros1(file, 3, 5, kWidth, kHeight);
+  for (std::uintmax_t size = fs::file_size(file) - 1; size > 20; size = 9 * size / 10) {
+    fs::resize_file(file, size);
+    run_command(command());
+    const std::size_t images = read_recording(out() / "mav0").images.size();
+    EXPECT_TRUE(images == 3 || images == 5) << images << " of " << size << " bytes";
+    fs::remove_all(out());
+  }
+}
+
 TEST_F(Import, WhatIsWrongIsSaidInOneLineAndNothingIsWritten) {
   EXPECT_THAT(complaint_of(command()), HasSubstr("bag: does not exist"));
   fs::create_directories(bag());
-  EXPECT_THAT(complaint_of(command()), HasSubstr("holds no .db3 or .mcap file"));
+  EXPECT_THAT(complaint_of(command()), HasSubstr("holds no .db3, .mcap or .bag file"));
   folder_.write("bag/flight_0.db3", "not a database, though it is long enough to be one");
   EXPECT_THAT(complaint_of(command()), HasSubstr("flight_0.db3: no bag of ROS 2"));
   fs::remove(bag() / "flight_0.db3");

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/ros2_bag.h"
+#include "apps/bag.h"
 
-#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <stdexcept>
 #include <utility>
+
+#include "apps/bag_file.h"
+#include "comms/ros1_messages.h"
 
 namespace covey {
 namespace {
@@ -13,11 +15,14 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_bag_file(const fs::path& file) {
-  return file.extension() == ".db3" || file.extension() == ".mcap";
+  const fs::path kind = file.extension();
+  return kind == ".db3" || kind == ".mcap" || kind == ".bag";
 }
 
 std::unique_ptr<BagFile> open(const fs::path& file) {
-  return file.extension() == ".mcap" ? open_mcap_bag(file) : open_sqlite_bag(file);
+  if (file.extension() == ".bag") return open_ros1_bag(file);
+  if (file.extension() == ".mcap") return open_mcap_bag(file);
+  return open_sqlite_bag(file);
 }
 
 std::vector<fs::path> files_of(const fs::path& bag) {
@@ -30,13 +35,18 @@ std::vector<fs::path> files_of(const fs::path& bag) {
     if (file.extension() == ".zstd" && is_bag_file(file.stem()))
       throw std::runtime_error(file.string() + ": is compressed: unpack it with zstd -d");
   }
-  if (files.empty()) throw std::runtime_error(bag.string() + ": holds no .db3 or .mcap file");
+  if (files.empty()) throw std::runtime_error(bag.string() + ": holds no .db3, .mcap or .bag file");
   return files;
+}
+
+Decoded<ImuSample> decode_sample(bool of_ros1, const std::string& type, const Bytes& message) {
+  if (of_ros1) return decode_ros1_imu(message);
+  return type == kPx4ImuType ? decode_px4_imu(message) : decode_imu(message);
 }
 
 }  // namespace
 
-Ros2Bag::Ros2Bag(const fs::path& bag) {
+Bag::Bag(const fs::path& bag) {
   std::multimap<std::int64_t, std::unique_ptr<BagFile>> by_begin;
   for (const fs::path& path : files_of(bag)) {
     std::unique_ptr<BagFile> file = open(path);
@@ -55,8 +65,21 @@ Ros2Bag::Ros2Bag(const fs::path& bag) {
   for (auto& [name, topic] : by_name) topics_.push_back(std::move(topic));
 }
 
-void Ros2Bag::read(const std::string& topic, const TakeMessage& take) const {
-  for (const std::unique_ptr<BagFile>& file : files_) file->read(topic, take);
+Bag::~Bag() = default;
+
+void Bag::read_images(const BagTopic& topic, const TakeImage& take) const {
+  for (const std::unique_ptr<BagFile>& file : files_) {
+    const auto decode = file->of_ros1() ? decode_ros1_image : decode_image;
+    file->read(topic.name, [&](const Bytes& message) { take(decode(message)); });
+  }
+}
+
+void Bag::read_imu(const BagTopic& topic, const TakeSample& take) const {
+  for (const std::unique_ptr<BagFile>& file : files_) {
+    const bool of_ros1 = file->of_ros1();
+    file->read(topic.name,
+               [&](const Bytes& message) { take(decode_sample(of_ros1, topic.type, message)); });
+  }
 }
 
 }  // namespace covey
