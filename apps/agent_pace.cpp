@@ -284,9 +284,8 @@ void warn_of_loopback(const AgentConfig& config) {
 // Nobody else does.
 void tell_result(const AgentConfig& config, const AgentSummary& summary) {
   if (summary.not_started) throw std::runtime_error("did not start: " + *summary.not_started);
-  std::printf("%s: %lld images, started after %.1f s, flew %.1f m; results in %s\n",
-              config.agent.name.c_str(), static_cast<long long>(summary.frames),
-              summary.initialised_after_s.value_or(0), summary.distance_m.value_or(0),
+  std::printf("%s: %lld images, started after %.1f s; results in %s\n", config.agent.name.c_str(),
+              static_cast<long long>(summary.frames), summary.initialised_after_s.value_or(0),
               config.agent.out.c_str());
 }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "apps/evaluation.h"
+#include "apps/number_range.h"
 #include "apps/run_files.h"
 #include "apps/trajectory_file.h"
 
@@ -197,7 +198,7 @@ void add_options(CLI::App& command, Options& options) {
   command
       .add_option("--max-difference", options.max_difference_s,
                   "Seconds between stamps that match, for nearest")
-      ->check(CLI::Range(1e-9, 1e6))
+      ->check(NumberRange(1e-9, 1e6))
       ->capture_default_str();
   command
       .add_option("--covariance", options.covariance_file,
@@ -206,11 +207,11 @@ void add_options(CLI::App& command, Options& options) {
   command
       .add_option("--rpe-distance", options.distances_m,
                   "Metres of the stretches for relative errors; default: tenths of the path")
-      ->check(CLI::Range(1e-3, 1e6));
+      ->check(NumberRange(1e-3, 1e6));
   command
       .add_option("--rpe-interval", options.intervals_s,
                   "Seconds of the stretches for relative errors")
-      ->check(CLI::Range(1e-3, 1e6))
+      ->check(NumberRange(1e-3, 1e6))
       ->capture_default_str();
   command.add_flag("--json", options.json, "Print every figure as json");
 }

@@ -19,6 +19,7 @@
 
 #include "apps/bag.h"
 #include "apps/dataset.h"
+#include "apps/number_range.h"
 #include "apps/png_file.h"
 #include "apps/progress.h"
 #include "apps/stop_signal.h"
@@ -222,7 +223,7 @@ void add_import_command(CLI::App& covey) {
       ->add_option("--first-stamp", options->first_stamp_s,
                    "s; moves all stamps so that the first image has this one: puts flights of "
                    "different times side by side")
-      ->check(CLI::Range(1.0, 4e9));
+      ->check(NumberRange(1.0, 4e9));
   command->callback([options] { import_bag(*options); });
 }
 

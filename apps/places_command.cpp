@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/number_range.h"
 #include "apps/place_comparison.h"
 #include "apps/place_report.h"
 #include "apps/vocabulary_file.h"
@@ -65,7 +66,7 @@ void add_places_command(CLI::App& covey) {
                       "Vocabulary of 1000 words or more: compares a tf-idf bag of words, too");
   command->add_option("--interval", options->comparison.interval_s, "Seconds between views")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 1e6));
+      ->check(NumberRange(0.01, 1e6));
   command
       ->add_option("--thermal", options->thermal,
                    "Images as they are, or photometrically calibrated (default: thermal cameras' "

@@ -15,6 +15,7 @@
 
 #include "apps/config_file.h"
 #include "apps/dataset.h"
+#include "apps/number_range.h"
 #include "apps/progress.h"
 #include "apps/stop_signal.h"
 #include "comms/sensor_player.h"
@@ -127,10 +128,10 @@ void add_play_command(CLI::App& covey) {
       ->type_name("FILE.json");
   command->add_option("--rate", options->rate, "Times real time")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 100.0));
+      ->check(NumberRange(0.01, 100.0));
   command->add_option("--wait", options->wait_s, "s to wait for somebody who listens")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 3600.0));
+      ->check(NumberRange(0.0, 3600.0));
   command->callback([options] { run(*options); });
 }
 

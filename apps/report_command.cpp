@@ -10,6 +10,7 @@
 #include <string>
 
 #include "apps/collected_run.h"
+#include "apps/number_range.h"
 #include "apps/report.h"
 #include "apps/stop_signal.h"
 #include "apps/team_summary.h"
@@ -71,7 +72,7 @@ void add_report_command(CLI::App& covey) {
   command
       ->add_option("--wait", options->silence_s,
                    "First waits until all have ended, or said nothing for so many seconds")
-      ->check(CLI::Range(0.1, 1e6))
+      ->check(NumberRange(0.1, 1e6))
       ->needs(dataset);
   command->callback([options] { run(*options); });
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/simulate_command.h"
 
+#include <spdlog/spdlog.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <atomic>
@@ -19,6 +21,7 @@
 #include <vector>
 
 #include "apps/dataset.h"
+#include "apps/number_range.h"
 #include "apps/png_file.h"
 #include "apps/progress.h"
 #include "apps/recorded_flight.h"
@@ -143,6 +146,13 @@ void read_recordings(Options& options) {
   for (std::size_t i = 0; i < options.trajectories.size(); ++i)
     options.request.recorded.push_back(read_recorded_flight(
         options.trajectories[i], options.imus.empty() ? std::string() : options.imus[i]));
+  for (std::size_t i = 0; i < options.trajectories.size(); ++i) {
+    const std::vector<TrueState>& states = options.request.recorded[i].states;
+    const double recorded_s = seconds_between(states.front().stamp_ns, states.back().stamp_ns);
+    if (options.request.duration_s > recorded_s)
+      spdlog::warn("{}: lasts {:.1f} s, not {:g}: so long uav{} flies", options.trajectories[i],
+                   recorded_s, options.request.duration_s, i);
+  }
 }
 
 void simulate(Options options) {
@@ -193,7 +203,7 @@ void add_simulate_command(CLI::App& covey) {
   command->add_option("--agents", request.agents, "Number of drones (default: the scenario's)")
       ->check(CLI::Range(1, 64));
   command->add_option("--seconds", request.duration_s, "Length (default: the scenario's)")
-      ->check(CLI::Range(1.0, 3600.0));
+      ->check(NumberRange(1.0, 3600.0));
   command
       ->add_option("--legs", request.legs,
                    "Fly there and back along the same path, so often one way, each --seconds long: "
@@ -202,7 +212,7 @@ void add_simulate_command(CLI::App& covey) {
       ->check(CLI::Range(1, 1000));
   command->add_option("--rate", request.camera_rate_hz, "Images per second")
       ->capture_default_str()
-      ->check(CLI::Range(1.0, 200.0));
+      ->check(NumberRange(1.0, 200.0));
   command->add_option("--trajectory", options->trajectories,
                       "Recorded motion to fly, EuRoC csv, one for each drone (room)");
   command->add_option("--imu", options->imus,
@@ -214,9 +224,9 @@ void add_simulate_command(CLI::App& covey) {
       ->add_option("--span", request.least_span_k,
                    "K that thermal cameras spread over their 256 grey levels at least: 40 leaves a "
                    "yard about 4 grey levels of standard deviation")
-      ->check(CLI::Range(0.5, 500.0));
+      ->check(NumberRange(0.5, 500.0));
   command->add_option("--lap", request.lap_m, "Length of each drone's lap in m (mars_yard)")
-      ->check(CLI::Range(5.0, 100.0));
+      ->check(NumberRange(5.0, 100.0));
   command->add_flag("--force", options->force, "Replace a dataset that is there");
   command->callback([options] { simulate(*options); });
 }

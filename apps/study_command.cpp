@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/number_range.h"
 #include "apps/study_report.h"
 #include "apps/team_study.h"
 #include "apps/whole_file.h"
@@ -68,18 +69,18 @@ void add_study_command(CLI::App& covey) {
   command
       ->add_option("--seconds", options->study.duration_s, "Of each flight; 0: the scenario's own")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 3600.0));
+      ->check(NumberRange(0.0, 3600.0));
   command->add_option("--seeds", options->study.seeds, "Runs from seed 1 on")
       ->capture_default_str()
       ->check(CLI::Range(1, 10000));
   command->add_option("--noise", options->study.pixel_sigma, "Pixels of noise in each image")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 10.0));
+      ->check(NumberRange(0.01, 10.0));
   command
       ->add_option("--mismatch", options->study.corner_mismatch_px,
                    "Pixels between two drones' corners on one landmark")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 10.0));
+      ->check(NumberRange(0.0, 10.0));
   command->add_option("--sizes", options->team_sizes, "scaling: teams of so many drones")
       ->capture_default_str()
       ->check(CLI::Range(2, 64));

@@ -41,6 +41,11 @@ std::string truth_csv(int rows, const std::string& spoiled_row = "") {
   return csv + spoiled_row;
 }
 
+TEST(SimulateCommand, WhatIsNoNumberIsNoLength) {
+  EXPECT_THAT(simulate("mars_yard --seconds nan --out nowhere"),
+              HasSubstr("--seconds: Value nan not in range 1 to 3600"));
+}
+
 TEST(SimulateCommand, WritesWhatTheDatasetReaderReads) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "yard";
