@@ -34,8 +34,7 @@ constexpr void (*kReaders[])(const std::string&) = {
     read<covey::read_ground_truth>, read<covey::read_camera_file>, read<covey::read_imu_file>,
     read<covey::load_vocabulary>,   read<covey::read_config>,      read<covey::read_experiment>,
     read<covey::read_timings>,      read<covey::read_exchange>,    read<covey::read_field>,
-    read<covey::read_png>,          read<covey::open_mcap_bag>,
-    read<covey::open_ros1_bag>,
+    read<covey::read_png>,          read<covey::open_mcap_bag>,    read<covey::open_ros1_bag>,
 };
 
 // A file that is nowhere on disk.
