@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Random numbers that are the same for one seed with every standard library: the distributions of
-// <random> are not specified to the bit, the engine is.
+// <random> are not specified to the bit, the engine is. Nor is which argument of a call is
+// evaluated first: of several draws each is a statement, or in a list in braces.
 #pragma once
 
 #include <Eigen/Core>

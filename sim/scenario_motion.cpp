@@ -172,7 +172,8 @@ DronePlan plan(const Drone& drone, const FlatPath& path, const CameraExtrinsics&
 
 // A lap of 220 m at its own height and from its own start, sideways, the castle in view.
 DronePlan castle_around(const Drone& drone, Random& random) {
-  const RoundedSquare lap(220 * random.uniform(0.985, 1.015), random.uniform(3.2, 3.8));
+  const double exponent = random.uniform(3.2, 3.8);
+  const RoundedSquare lap(220 * random.uniform(0.985, 1.015), exponent);
   const SpeedProfile speed = SpeedProfile::covering(220, drone.nominal_s, 3.5);
   const Wobble wobble(random, {0.08, 0.05});
   const double start_m = 220 * (drone.share() + random.uniform(-0.08, 0.08));
@@ -193,8 +194,8 @@ DronePlan castle_around(const Drone& drone, Random& random) {
 DronePlan castle_parallel(const Drone& drone, Random& random, double team_height) {
   const SpeedProfile speed = SpeedProfile::covering(30, drone.nominal_s, 2.0);
   const Wobble wobble(random, {0.08, 0.05});
-  const Eigen::Vector3d start(-15 + random.uniform(-1.5, 1.5),
-                              -15 - 9 - 3 * drone.index - random.uniform(-0.5, 0.5), team_height);
+  const double south_m = 15 + 9 + 3 * drone.index + random.uniform(-0.5, 0.5);
+  const Eigen::Vector3d start(-15 + random.uniform(-1.5, 1.5), -south_m, team_height);
   const double yaw = M_PI / 2 + random.uniform(-0.15, 0.15);
   const FlatPath path = [=](double t) {
     const Eigen::Vector3d p = start + Eigen::Vector3d(speed.distance(t), 0, 0);
@@ -210,10 +211,12 @@ DronePlan mars_yard(const Drone& drone, Random& random, double lap_m) {
   const double length = lap_m > 0 ? lap_m : (wide ? 18 : 11);
   const int pair = drone.index / 2;
   const double height = (wide ? 4.0 : 2.5) + 0.6 * pair + random.uniform(-0.2, 0.2);
-  const RoundedSquare lap(length * random.uniform(0.98, 1.02), random.uniform(3.5, 4.5));
+  const double exponent = random.uniform(3.5, 4.5);
+  const RoundedSquare lap(length * random.uniform(0.98, 1.02), exponent);
   const SpeedProfile speed = SpeedProfile::covering(length, drone.nominal_s, 1.5);
   const Wobble wobble(random, {0.04, 0.04});
-  const Eigen::Vector2d centre(random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7));
+  const double centre_y = random.uniform(-0.7, 0.7);
+  const Eigen::Vector2d centre(random.uniform(-0.7, 0.7), centre_y);
   const double start_m = length * random.unit();
   const double heading = random.uniform(-0.5, 0.5);
   const FlatPath path = [=](double t) {
