@@ -4,7 +4,6 @@
 // is a list of name=value, and data, each after its length; most of them in chunks, which may be
 // compressed. Indices are not needed, so a recording that was cut short is read as far as it goes.
 // Debian's library for it would bring Python's interpreter aboard every drone.
-#include <array>
 #include <cstdint>
 #include <fstream>
 #include <map>
