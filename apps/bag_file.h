@@ -4,15 +4,11 @@
 // that names the file.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <limits>
-#include <map>
 #include <memory>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "apps/bag.h"
@@ -42,31 +38,29 @@ class BagFile {
 [[nodiscard]] std::unique_ptr<BagFile> open_mcap_bag(const std::filesystem::path& file);
 [[nodiscard]] std::unique_ptr<BagFile> open_ros1_bag(const std::filesystem::path& file);
 
-// Of a file that can only be read from its beginning to its end.
 struct RecordedMessage {
   BagTopic topic;
   std::int64_t stamp_ns = 0;
   Bytes data;
 };
+using TakeRecorded = std::function<void(const RecordedMessage&)>;
 
-struct BagContents {
-  std::vector<BagTopic> topics;  // by name
-  std::int64_t begin_ns = 0;
+// A file that can only be read from its beginning to its end.
+class StreamedBag final : public BagFile {
+ public:
+  using ReadAll = std::function<void(const TakeRecorded&)>;
+  StreamedBag(bool of_ros1, ReadAll read_all);
+
+  [[nodiscard]] std::vector<BagTopic> topics() const override { return topics_; }
+  [[nodiscard]] std::int64_t begin_ns() const override { return begin_ns_; }
+  [[nodiscard]] bool of_ros1() const override { return of_ros1_; }
+  void read(const std::string& topic, const TakeMessage& take) const override;
+
+ private:
+  bool of_ros1_;
+  ReadAll read_all_;
+  std::vector<BagTopic> topics_;  // by name
+  std::int64_t begin_ns_ = 0;
 };
-
-// `read_all`: gives each message to the function that it is given.
-template <typename ReadAll>
-BagContents contents_of(const ReadAll& read_all) {
-  std::map<std::string, BagTopic> by_name;
-  std::int64_t begin_ns = std::numeric_limits<std::int64_t>::max();
-  read_all([&](const RecordedMessage& message) {
-    ++by_name.try_emplace(message.topic.name, message.topic).first->second.messages;
-    begin_ns = std::min(begin_ns, message.stamp_ns);
-  });
-  BagContents contents;
-  if (!by_name.empty()) contents.begin_ns = begin_ns;
-  for (auto& [name, topic] : by_name) contents.topics.push_back(std::move(topic));
-  return contents;
-}
 
 }  // namespace covey

@@ -66,95 +66,73 @@ class MessageReader {
   std::map<std::uint16_t, BagTopic> topics_;    // by channel
 };
 
-class McapBag : public BagFile {
- public:
-  explicit McapBag(fs::path file)
-      : file_(std::move(file)),
-        contents_(contents_of([this](const auto& take) { read_all(take); })) {}
+void read_one(const Record& record, MessageReader& reader, const TakeRecorded& take) {
+  const std::optional<RecordedMessage> message = reader.read(record);
+  if (message) take(*message);
+}
 
-  [[nodiscard]] std::vector<BagTopic> topics() const override { return contents_.topics; }
-  [[nodiscard]] std::int64_t begin_ns() const override { return contents_.begin_ns; }
-  void read(const std::string& topic, const TakeMessage& take) const override {
-    read_all([&](const RecordedMessage& message) {
-      if (message.topic.name == topic) take(message.data);
-    });
-  }
-
- private:
-  [[noreturn]] void fail(const std::string& why) const {
-    throw std::runtime_error(file_.string() + ": no MCAP file that can be read: " + why);
-  }
-
-  template <typename Take>
-  void read_all(const Take& take) const {
-    std::ifstream in(file_, std::ios::binary);
-    std::array<char, kMagic.size()> magic{};
-    if (!in.read(magic.data(), magic.size()) || magic != kMagic) fail("another beginning");
-    MessageReader reader;
-    try {
-      while (const std::optional<Record> record = next(in)) {
-        if (record->kind == kDataEnd) return;
-        if (record->kind == kChunk)
-          read_chunk(record->content, reader, take);
-        else
-          read_one(*record, reader, take);
-      }
-    } catch (const Unreadable& error) {
-      fail(error.what());
-    }
-  }
-
-  template <typename Take>
-  static void read_one(const Record& record, MessageReader& reader, const Take& take) {
-    const std::optional<RecordedMessage> message = reader.read(record);
-    if (message) take(*message);
-  }
-
-  template <typename Take>
-  static void read_chunk(const Bytes& content, MessageReader& reader, const Take& take) {
-    ByteFields chunk(content);
-    (void)chunk.number<std::uint64_t>();  // first and last stamp
-    (void)chunk.number<std::uint64_t>();
-    const auto size = chunk.number<std::uint64_t>();
-    (void)chunk.number<std::uint32_t>();  // checksum
-    const std::string compression = chunk.text();
-    const auto packed_size = chunk.number<std::uint64_t>();
-    const Bytes records = unpacked(compression, chunk.bytes(packed_size), size);
-    ByteFields fields(records);
-    while (!fields.at_end()) {
-      Record record;
-      record.kind = fields.number<std::uint8_t>();
-      const auto record_size = fields.number<std::uint64_t>();
-      record.content = fields.bytes(record_size);
-      read_one(record, reader, take);
-    }
-  }
-
-  // None at the end, or where the file was cut short.
-  static std::optional<Record> next(std::ifstream& in) {
-    Bytes head(1 + sizeof(std::uint64_t));
-    if (!in.read(reinterpret_cast<char*>(head.data()), static_cast<std::streamsize>(head.size())))
-      return std::nullopt;
-    ByteFields fields(head);
+void read_chunk(const Bytes& content, MessageReader& reader, const TakeRecorded& take) {
+  ByteFields chunk(content);
+  (void)chunk.number<std::uint64_t>();  // first and last stamp
+  (void)chunk.number<std::uint64_t>();
+  const auto size = chunk.number<std::uint64_t>();
+  (void)chunk.number<std::uint32_t>();  // checksum
+  const std::string compression = chunk.text();
+  const auto packed_size = chunk.number<std::uint64_t>();
+  const Bytes records = unpacked(compression, chunk.bytes(packed_size), size);
+  ByteFields fields(records);
+  while (!fields.at_end()) {
     Record record;
     record.kind = fields.number<std::uint8_t>();
-    const auto size = fields.number<std::uint64_t>();
-    if (size > kMaxRecord) throw Unreadable("record too large");
-    record.content.resize(size);
-    if (!in.read(reinterpret_cast<char*>(record.content.data()),
-                 static_cast<std::streamsize>(size)))
-      return std::nullopt;
-    return record;
+    const auto record_size = fields.number<std::uint64_t>();
+    record.content = fields.bytes(record_size);
+    read_one(record, reader, take);
   }
+}
 
-  fs::path file_;
-  BagContents contents_;
-};
+// None at the end, or where the file was cut short.
+std::optional<Record> next(std::ifstream& in) {
+  Bytes head(1 + sizeof(std::uint64_t));
+  if (!in.read(reinterpret_cast<char*>(head.data()), static_cast<std::streamsize>(head.size())))
+    return std::nullopt;
+  ByteFields fields(head);
+  Record record;
+  record.kind = fields.number<std::uint8_t>();
+  const auto size = fields.number<std::uint64_t>();
+  if (size > kMaxRecord) throw Unreadable("record too large");
+  record.content.resize(size);
+  if (!in.read(reinterpret_cast<char*>(record.content.data()), static_cast<std::streamsize>(size)))
+    return std::nullopt;
+  return record;
+}
+
+[[noreturn]] void fail(const fs::path& file, const std::string& why) {
+  throw std::runtime_error(file.string() + ": no MCAP file that can be read: " + why);
+}
+
+void read_all(const fs::path& file, const TakeRecorded& take) {
+  std::ifstream in(file, std::ios::binary);
+  std::array<char, kMagic.size()> magic{};
+  if (!in.read(magic.data(), magic.size()) || magic != kMagic) fail(file, "another beginning");
+  MessageReader reader;
+  try {
+    while (const std::optional<Record> record = next(in)) {
+      if (record->kind == kDataEnd) return;
+      if (record->kind == kChunk)
+        read_chunk(record->content, reader, take);
+      else
+        read_one(*record, reader, take);
+    }
+  } catch (const Unreadable& error) {
+    fail(file, error.what());
+  }
+}
 
 }  // namespace
 
 std::unique_ptr<BagFile> open_mcap_bag(const fs::path& file) {
-  return std::make_unique<McapBag>(file);
+  return std::make_unique<StreamedBag>(false,
+                                       [file](const TakeRecorded& take) { read_all(file, take); });
 }
 
 }  // namespace covey

@@ -96,8 +96,7 @@ std::optional<Record> next_record(std::istream& in) {
 // Keeps in mind what connections carry.
 class MessageReader {
  public:
-  template <typename Take>
-  void read(Record record, const Take& take) {
+  void read(Record record, const TakeRecorded& take) {
     switch (number_of<std::uint8_t>(record.header, "op")) {
       case kBagHeader:
         require_plain(record.header);
@@ -128,8 +127,7 @@ class MessageReader {
       throw Unreadable("encrypted by " + text_of(header, "encryptor"));
   }
 
-  template <typename Take>
-  void read_chunk(const Record& chunk, const Take& take) {
+  void read_chunk(const Record& chunk, const TakeRecorded& take) {
     const Bytes records = unpacked(text_of(chunk.header, "compression"), chunk.data,
                                    number_of<std::uint32_t>(chunk.header, "size"));
     is_in_chunk_ = true;
@@ -147,48 +145,28 @@ class MessageReader {
   bool is_in_chunk_ = false;
 };
 
-class Ros1Bag : public BagFile {
- public:
-  explicit Ros1Bag(fs::path file)
-      : file_(std::move(file)),
-        contents_(contents_of([this](const auto& take) { read_all(take); })) {}
+[[noreturn]] void fail(const fs::path& file, const std::string& why) {
+  throw std::runtime_error(file.string() + ": no bag of ROS 1 that can be read: " + why);
+}
 
-  [[nodiscard]] std::vector<BagTopic> topics() const override { return contents_.topics; }
-  [[nodiscard]] std::int64_t begin_ns() const override { return contents_.begin_ns; }
-  [[nodiscard]] bool of_ros1() const override { return true; }
-  void read(const std::string& topic, const TakeMessage& take) const override {
-    read_all([&](const RecordedMessage& message) {
-      if (message.topic.name == topic) take(message.data);
-    });
+void read_all(const fs::path& file, const TakeRecorded& take) {
+  std::ifstream in(file, std::ios::binary);
+  std::string magic(sizeof(kMagic) - 1, ' ');
+  if (!in.read(magic.data(), static_cast<std::streamsize>(magic.size())) || magic != kMagic)
+    fail(file, "another beginning");
+  MessageReader reader;
+  try {
+    while (std::optional<Record> record = next_record(in)) reader.read(std::move(*record), take);
+  } catch (const Unreadable& error) {
+    fail(file, error.what());
   }
-
- private:
-  template <typename Take>
-  void read_all(const Take& take) const {
-    std::ifstream in(file_, std::ios::binary);
-    std::string magic(sizeof(kMagic) - 1, ' ');
-    if (!in.read(magic.data(), static_cast<std::streamsize>(magic.size())) || magic != kMagic)
-      fail("another beginning");
-    MessageReader reader;
-    try {
-      while (std::optional<Record> record = next_record(in)) reader.read(std::move(*record), take);
-    } catch (const Unreadable& error) {
-      fail(error.what());
-    }
-  }
-
-  [[noreturn]] void fail(const std::string& why) const {
-    throw std::runtime_error(file_.string() + ": no bag of ROS 1 that can be read: " + why);
-  }
-
-  fs::path file_;
-  BagContents contents_;
-};
+}
 
 }  // namespace
 
 std::unique_ptr<BagFile> open_ros1_bag(const fs::path& file) {
-  return std::make_unique<Ros1Bag>(file);
+  return std::make_unique<StreamedBag>(true,
+                                       [file](const TakeRecorded& take) { read_all(file, take); });
 }
 
 }  // namespace covey
