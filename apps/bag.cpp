@@ -5,8 +5,10 @@
 #include <map>
 #include <stdexcept>
 #include <utility>
+#include <variant>
 
 #include "apps/bag_file.h"
+#include "apps/packed_image.h"
 #include "comms/ros1_messages.h"
 
 namespace covey {
@@ -39,6 +41,17 @@ std::vector<fs::path> files_of(const fs::path& bag) {
   return files;
 }
 
+Decoded<CameraImage> decode_packed(bool of_ros1, const Bytes& message) {
+  const auto decoded = of_ros1 ? decode_ros1_packed_image(message) : decode_packed_image(message);
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
+  return unpacked(std::get<PackedImage>(decoded));
+}
+
+Decoded<CameraImage> decode_picture(bool of_ros1, const std::string& type, const Bytes& message) {
+  if (type == kPackedImageType) return decode_packed(of_ros1, message);
+  return of_ros1 ? decode_ros1_image(message) : decode_image(message);
+}
+
 Decoded<ImuSample> decode_sample(bool of_ros1, const std::string& type, const Bytes& message) {
   if (of_ros1) return decode_ros1_imu(message);
   return type == kPx4ImuType ? decode_px4_imu(message) : decode_imu(message);
@@ -69,8 +82,9 @@ Bag::~Bag() = default;
 
 void Bag::read_images(const BagTopic& topic, const TakeImage& take) const {
   for (const std::unique_ptr<BagFile>& file : files_) {
-    const auto decode = file->of_ros1() ? decode_ros1_image : decode_image;
-    file->read(topic.name, [&](const Bytes& message) { take(decode(message)); });
+    const bool of_ros1 = file->of_ros1();
+    file->read(topic.name,
+               [&](const Bytes& message) { take(decode_picture(of_ros1, topic.type, message)); });
   }
 }
 

@@ -17,6 +17,7 @@ namespace covey {
 class BagFile;
 
 inline constexpr const char* kImageType = "sensor_msgs/msg/Image";
+inline constexpr const char* kPackedImageType = "sensor_msgs/msg/CompressedImage";
 inline constexpr const char* kImuType = "sensor_msgs/msg/Imu";
 inline constexpr const char* kPx4ImuType = "px4_msgs/msg/SensorCombined";
 

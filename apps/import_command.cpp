@@ -10,7 +10,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -18,6 +17,7 @@
 #include <vector>
 
 #include "apps/bag.h"
+#include "apps/camera_pixels.h"
 #include "apps/dataset.h"
 #include "apps/number_range.h"
 #include "apps/png_file.h"
@@ -61,9 +61,21 @@ BagTopic choose_topic(const Bag& bag, const Options& options, const std::string&
     throw std::runtime_error(options.bag + ": no topic " + named + " of type " + types.front() +
                              "; topics: " + names_of(bag.topics()));
   }
-  if (fitting.empty()) throw std::runtime_error(options.bag + ": no topic of " + types.front());
+  if (fitting.empty()) {
+    throw std::runtime_error(options.bag + ": no topic of " + types.front() +
+                             "; topics: " + names_of(bag.topics()));
+  }
   throw std::runtime_error(options.bag + ": several topics of " + types.front() + " (" +
                            names_of(fitting) + "): choose one with " + option);
+}
+
+// Packed images are flown where none as the camera took them are there, or where they are named.
+BagTopic choose_images(const Bag& bag, const Options& options) {
+  const bool any = std::any_of(bag.topics().begin(), bag.topics().end(),
+                               [](const BagTopic& topic) { return topic.type == kImageType; });
+  const Types types =
+      any && options.image_topic.empty() ? Types{kImageType} : Types{kImageType, kPackedImageType};
+  return choose_topic(bag, options, options.image_topic, "--image-topic", types);
 }
 
 // What was left out, and why: a line for each reason in the end.
@@ -86,11 +98,6 @@ class LeftOut {
 
 void stop_if_asked() {
   if (stop_requested()) throw std::runtime_error("import: interrupted, nothing has been written");
-}
-
-cv::Mat pixels_of(CameraImage& image) {
-  const int type = image.bytes_per_pixel == 2 ? CV_16UC1 : CV_8UC1;
-  return {image.height, image.width, type, image.pixels.data()};
 }
 
 void require_size(const CameraImage& image, const CameraIntrinsics& camera, const Options& options,
@@ -174,8 +181,7 @@ void import_bag(const Options& options) {
   catch_stop_signals();
   const Dataset sensors = read_sensors(options.sensors);
   const Bag bag(options.bag);
-  const BagTopic images =
-      choose_topic(bag, options, options.image_topic, "--image-topic", {kImageType});
+  const BagTopic images = choose_images(bag, options);
   const BagTopic imu =
       choose_topic(bag, options, options.imu_topic, "--imu-topic", {kImuType, kPx4ImuType});
   StagedFolder folder(options.out);
@@ -201,7 +207,8 @@ void add_import_command(CLI::App& covey) {
   command->footer(
       "Example: covey import bags/uav0 --sensors calibration/uav0 --out data/yard/uav0\n"
       "         covey team data/yard --out runs/yard --unknown-start\n"
-      "Images as covey agent hears them: grey, colours, Bayer's mosaics; no compressed ones.");
+      "Images as covey agent hears them (grey, colours, Bayer's mosaics), or packed as JPEG or "
+      "PNG.");
   command
       ->add_option("bag", options->bag,
                    "Folder of ros2 bag record, its .db3 or .mcap file, or a .bag of ROS 1")
@@ -216,7 +223,8 @@ void add_import_command(CLI::App& covey) {
       ->required()
       ->type_name("DIR");
   command->add_option("--image-topic", options->image_topic,
-                      "sensor_msgs/msg/Image (default: the only one)");
+                      "sensor_msgs/msg/Image or CompressedImage (default: the only one of the "
+                      "former, else of the latter)");
   command->add_option("--imu-topic", options->imu_topic,
                       "sensor_msgs/msg/Imu or px4_msgs/msg/SensorCombined (default: the only one)");
   command

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "apps/agent.h"
+#include "apps/camera_pixels.h"
 #include "apps/dataset.h"
 #include "apps/process_usage.h"
 #include "apps/stop_signal.h"
@@ -160,12 +161,6 @@ class LiveSensors {
   std::uint64_t refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
 };
 
-// The tracker keeps them.
-cv::Mat pixels_of(CameraImage& image) {
-  const int type = image.bytes_per_pixel == 1 ? CV_8UC1 : CV_16UC1;
-  return cv::Mat(image.height, image.width, type, image.pixels.data()).clone();
-}
-
 // The world that all drones share, or this one's.
 std::string world_name(const AgentConfig& config) {
   return config.initialisation.own_world ? config.agent.name + "/world" : "world";
@@ -205,7 +200,7 @@ void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     agent.take_inbox();
     agent.handle_messages();
     if (covered) {
-      agent.fly(image->stamp_ns, pixels_of(*image), 0);
+      agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // the tracker keeps it
       warn_of_wait(agent, seconds_between(first_ns, image->stamp_ns), complaints);
       image.reset();
     }

@@ -8,11 +8,11 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
-#include <opencv2/core/mat.hpp>
 #include <stdexcept>
 #include <string>
 #include <thread>
 
+#include "apps/camera_pixels.h"
 #include "apps/config_file.h"
 #include "apps/dataset.h"
 #include "apps/number_range.h"
@@ -30,17 +30,6 @@ struct Options {
   std::string mav0, config_file;
   double rate = 1, wait_s = 30;
 };
-
-CameraImage to_camera_image(TimeNs stamp_ns, const cv::Mat& pixels) {
-  CameraImage image;
-  image.stamp_ns = stamp_ns;
-  image.width = pixels.cols;
-  image.height = pixels.rows;
-  image.bytes_per_pixel = static_cast<int>(pixels.elemSize());
-  const cv::Mat rows = pixels.isContinuous() ? pixels : pixels.clone();
-  image.pixels.assign(rows.datastart, rows.dataend);
-  return image;
-}
 
 // False: nobody has come, or stopped.
 bool wait_for_listener(const SensorPlayer& player, double patience_s) {

@@ -33,11 +33,11 @@ void check(int error, const std::string& path, const char* what) {
   if (error != 0) fail(path, std::string(what) + ": " + spng_strerror(error));
 }
 
-std::vector<unsigned char> read_bytes(const std::string& path) {
+std::vector<std::uint8_t> read_bytes(const std::string& path) {
   const File file(std::fopen(path.c_str(), "rb"));
   if (!file) fail(path, std::string("cannot open image: ") + std::strerror(errno));
-  std::vector<unsigned char> bytes;
-  unsigned char chunk[65536];
+  std::vector<std::uint8_t> bytes;
+  std::uint8_t chunk[65536];
   std::size_t n = 0;
   while ((n = std::fread(chunk, 1, sizeof chunk, file.get())) > 0) {
     bytes.insert(bytes.end(), chunk, chunk + n);
@@ -73,13 +73,14 @@ cv::Mat decode(spng_ctx* context, const spng_ihdr& header, const std::string& pa
 
 }  // namespace
 
-cv::Mat read_png(const std::string& path) {
-  const std::vector<unsigned char> bytes = read_bytes(path);
+cv::Mat read_png(const std::string& path) { return decode_png(read_bytes(path), path); }
+
+cv::Mat decode_png(const std::vector<std::uint8_t>& file, const std::string& name) {
   const Context context(spng_ctx_new(0), spng_ctx_free);
-  if (!context) fail(path, "out of memory");
-  check(spng_set_image_limits(context.get(), kMaxSide, kMaxSide), path, "image limits");
-  check(spng_set_png_buffer(context.get(), bytes.data(), bytes.size()), path, "image buffer");
-  return decode(context.get(), read_header(context.get(), path), path);
+  if (!context) fail(name, "out of memory");
+  check(spng_set_image_limits(context.get(), kMaxSide, kMaxSide), name, "image limits");
+  check(spng_set_png_buffer(context.get(), file.data(), file.size()), name, "image buffer");
+  return decode(context.get(), read_header(context.get(), name), name);
 }
 
 void write_png(const std::string& path, const cv::Mat& image) {

@@ -140,6 +140,13 @@ Decoded<CameraImage> checked(RosImage image) {
   return out;
 }
 
+Decoded<PackedImage> checked(PackedImage image) {
+  if (!is_stamp(image.stamp_ns) || image.stamp_ns == 0) return Rejected{"no valid stamp"};
+  if (image.format.find("compressedDepth") != std::string::npos)
+    return Rejected{"depths instead of brightness"};
+  return image;
+}
+
 Decoded<ImuSample> checked(const ImuSample& sample) {
   if (!is_stamp(sample.stamp_ns) || sample.stamp_ns == 0) return Rejected{"no valid stamp"};
   if (!sample.gyro_imu.allFinite() || !sample.accel_imu.allFinite())
@@ -154,6 +161,14 @@ Decoded<CameraImage> decode_image(const Bytes& bytes) {
   auto& image = std::get<ros_sensors::Image_>(decoded);
   return checked(RosImage{stamp_of(image.header()), image.width(), image.height(), image.step(),
                           image.encoding(), image.is_bigendian() != 0, std::move(image.data())});
+}
+
+Decoded<PackedImage> decode_packed_image(const Bytes& bytes) {
+  if (const Problem problem = problem_with_cdr(bytes, kMaxImageBytes)) return Rejected{*problem};
+  auto decoded = from_cdr<ros_sensors::CompressedImage_>(bytes);
+  if (auto* rejected = std::get_if<Rejected>(&decoded)) return std::move(*rejected);
+  auto& image = std::get<ros_sensors::CompressedImage_>(decoded);
+  return checked(PackedImage{stamp_of(image.header()), image.format(), std::move(image.data())});
 }
 
 Decoded<ImuSample> decode_imu(const Bytes& bytes) {

@@ -43,6 +43,13 @@ struct RosImage {
   std::vector<std::uint8_t> data;
 };
 
+// sensor_msgs/CompressedImage: a file of JPEG or PNG, which apps/packed_image.h unpacks.
+struct PackedImage {
+  TimeNs stamp_ns = 0;
+  std::string format;  // "jpeg", "bayer_rggb8; png compressed "
+  std::vector<std::uint8_t> file;
+};
+
 // How the drone moves, for the other programs on board.
 struct BodyMotion {
   Odometry odometry;
@@ -56,8 +63,10 @@ struct BodyMotion {
 [[nodiscard]] Bytes encode(const ImuSample& sample);
 [[nodiscard]] Decoded<CameraImage> decode_image(const Bytes& bytes);
 [[nodiscard]] Decoded<ImuSample> decode_imu(const Bytes& bytes);
+[[nodiscard]] Decoded<PackedImage> decode_packed_image(const Bytes& bytes);
 // What both decoders do with a message once it is read.
 [[nodiscard]] Decoded<CameraImage> checked(RosImage image);
+[[nodiscard]] Decoded<PackedImage> checked(PackedImage image);
 [[nodiscard]] Decoded<ImuSample> checked(const ImuSample& sample);
 
 // px4_msgs/SensorCombined: the autopilot's own IMU. The sample's axes are forward, left, up of the

@@ -40,6 +40,15 @@ RosImage read_image(ByteFields& fields) {
   return image;
 }
 
+PackedImage read_packed_image(ByteFields& fields) {
+  PackedImage image;
+  image.stamp_ns = read_header(fields);
+  image.format = fields.text();
+  const auto size = fields.number<std::uint32_t>();
+  image.file = fields.bytes(size);
+  return image;
+}
+
 ImuSample read_imu(ByteFields& fields) {
   constexpr int kOrientation = 4, kCovariance = 9;
   ImuSample sample;
@@ -68,6 +77,9 @@ auto decoded(const Bytes& bytes, const Read& read)
 }  // namespace
 
 Decoded<CameraImage> decode_ros1_image(const Bytes& bytes) { return decoded(bytes, read_image); }
+Decoded<PackedImage> decode_ros1_packed_image(const Bytes& bytes) {
+  return decoded(bytes, read_packed_image);
+}
 Decoded<ImuSample> decode_ros1_imu(const Bytes& bytes) { return decoded(bytes, read_imu); }
 
 }  // namespace covey

@@ -10,7 +10,9 @@
 
 namespace covey {
 
-[[nodiscard]] Decoded<CameraImage> decode_ros1_image(const Bytes& bytes);  // sensor_msgs/Image
-[[nodiscard]] Decoded<ImuSample> decode_ros1_imu(const Bytes& bytes);      // sensor_msgs/Imu
+// sensor_msgs/Image, sensor_msgs/CompressedImage, sensor_msgs/Imu.
+[[nodiscard]] Decoded<CameraImage> decode_ros1_image(const Bytes& bytes);
+[[nodiscard]] Decoded<PackedImage> decode_ros1_packed_image(const Bytes& bytes);
+[[nodiscard]] Decoded<ImuSample> decode_ros1_imu(const Bytes& bytes);
 
 }  // namespace covey

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 #include <lz4frame.h>
 #include <rosbag/bag.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
 #include <sqlite3.h>
@@ -20,7 +21,9 @@
 #include <vector>
 
 #include "apps/bag.h"
+#include "apps/camera_pixels.h"
 #include "apps/dataset.h"
+#include "apps/png_file.h"
 #include "comms/onboard_messages.h"
 #include "sim/dataset_writer.h"
 #include "tests/apps/command_run.h"
@@ -286,6 +289,59 @@ TEST_F(Import, AnAutopilotsImuIsFlownToo) {
   EXPECT_LT((dataset.imu[3].accel_imu - sample_at(3).accel_imu).norm(), 1e-5);
 }
 
+Bytes png_of(CameraImage image, const fs::path& file) {
+  write_png(file.string(), pixels_of(image));
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+// sensor_msgs/CompressedImage, little-endian: every field on a multiple of its size.
+Bytes packed_message(TimeNs stamp_ns, const std::string& format, const Bytes& file) {
+  Bytes out{0, 1, 0, 0};
+  const auto put = [&](std::uint32_t value) {
+    while (out.size() % 4 != 0) out.push_back(0);
+    for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
+  };
+  const auto text = [&](const std::string& value) {
+    put(static_cast<std::uint32_t>(value.size() + 1));
+    out.insert(out.end(), value.begin(), value.end());
+    out.push_back(0);
+  };
+  put(static_cast<std::uint32_t>(stamp_ns / kSecond_ns));
+  put(static_cast<std::uint32_t>(stamp_ns % kSecond_ns));
+  text("cam0");
+  text(format);
+  put(static_cast<std::uint32_t>(file.size()));
+  out.insert(out.end(), file.begin(), file.end());
+  return out;
+}
+
+TEST_F(Import, PackedImagesAreFlownWhereNoOthersAreThereOrWhereNamed) {
+  record("flight_0.db3", 0, 3);
+  const std::string kName = "/camera/image_raw/compressed";
+  {
+    BagWriter writer(bag() / "flight_1.db3");
+    const int camera = writer.add_topic(kName, "sensor_msgs/msg/CompressedImage");
+    for (int i = 0; i < 2; ++i) {
+      const CameraImage image = image_at(i, kWidth, kHeight, 2);
+      writer.add(camera, image.stamp_ns,
+                 packed_message(image.stamp_ns, "mono16; png compressed ",
+                                png_of(image, folder_.path() / "image.png")));
+    }
+    writer.add(camera, kBegin_ns + kSecond_ns,
+               packed_message(kBegin_ns + kSecond_ns, "16UC1; compressedDepth png", {1}));
+  }
+  run_command(command());
+  EXPECT_EQ(read_recording(out() / "mav0").images.size(), 3U);
+  fs::remove_all(out());
+  run_command(command("--image-topic " + kName));
+  const Dataset dataset = read_recording(out() / "mav0");
+  ASSERT_EQ(dataset.images.size(), 2U);
+  const cv::Mat pixels = read_image(dataset.images[1], kWidth, kHeight);
+  EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend),
+            image_at(1, kWidth, kHeight, 2).pixels);
+}
+
 // Three images and 50 IMU samples, and what nobody asks for.
 McapBytes recorded_mcap(int width, int height) {
   McapBytes records;
@@ -409,6 +465,27 @@ TEST_F(Import, BagsOfRos1AreReadPackedOrNot) {
     EXPECT_LT((dataset.imu[17].accel_imu - sample_at(7).accel_imu).norm(), 1e-9);
     fs::remove_all(out());
   }
+}
+
+TEST_F(Import, PackedImagesOfRos1AreFlown) {
+  record_ros1(bag() / "flight_0.bag", 0, 0, kWidth, kHeight);
+  {
+    rosbag::Bag writer((bag() / "flight_1.bag").string(), rosbag::bagmode::Write);
+    for (int i = 0; i < 2; ++i) {
+      const CameraImage image = image_at(i, kWidth, kHeight, 1);
+      sensor_msgs::CompressedImage packed;
+      packed.header.stamp = ros1_time(image.stamp_ns);
+      packed.format = "mono8; png compressed ";
+      packed.data = png_of(image, folder_.path() / "image.png");
+      writer.write("/cam0/image_raw/compressed", ros1_time(image.stamp_ns), packed);
+    }
+  }
+  run_command(command());
+  const Dataset dataset = read_recording(out() / "mav0");
+  ASSERT_EQ(dataset.images.size(), 2U);
+  const cv::Mat pixels = read_image(dataset.images[1], kWidth, kHeight);
+  EXPECT_EQ(std::vector<std::uint8_t>(pixels.datastart, pixels.dataend),
+            image_at(1, kWidth, kHeight, 1).pixels);
 }
 
 TEST_F(Import, BagsOfOneRecordingOfRos1AreReadAsOne) {

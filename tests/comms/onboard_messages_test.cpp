@@ -184,6 +184,31 @@ TEST(OnboardMessages, AMosaicAndBrightnessBesideColourAreReadAsGreyOfOneByte) {
   EXPECT_EQ(image.bytes_per_pixel, 1);
 }
 
+Bytes packed_image_bytes(const std::string& format, std::uint32_t nanosec = 123'456'789) {
+  return CdrBytes().header(1'700'000'000, nanosec).text(format).octets({1, 2, 3}).bytes();
+}
+
+TEST(OnboardMessages, APackedImageIsReadAsRos2WritesIt) {
+  const auto decoded = decode_packed_image(packed_image_bytes("mono8; jpeg compressed "));
+  ASSERT_EQ(reason(decoded), "accepted");
+  const auto& image = std::get<PackedImage>(decoded);
+  EXPECT_EQ(image.stamp_ns, kStamp_ns);
+  EXPECT_EQ(image.format, "mono8; jpeg compressed ");
+  EXPECT_THAT(image.file, ElementsAre(1, 2, 3));
+}
+
+TEST(OnboardMessages, APackedImageOfDepthsOrThatEndsTooEarlyIsRefused) {
+  EXPECT_EQ(reason(decode_packed_image(packed_image_bytes("16UC1; compressedDepth png"))),
+            "depths instead of brightness");
+  EXPECT_EQ(reason(decode_packed_image(packed_image_bytes("jpeg", 1'000'000'000))),
+            "no valid stamp");
+  const Bytes whole = packed_image_bytes("jpeg");
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    const Bytes begin(whole.begin(), whole.begin() + static_cast<long>(size));
+    EXPECT_NE(reason(decode_packed_image(begin)), "accepted") << size;
+  }
+}
+
 TEST(OnboardMessages, AnImuSampleIsReadAsRos2WritesIt) {
   const auto decoded = decode_imu(imu_bytes(0.1));
   ASSERT_EQ(reason(decoded), "accepted");

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <ros/serialization.h>
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/Imu.h>
 
@@ -36,6 +37,14 @@ sensor_msgs::Image image_of(const std::string& encoding, std::uint32_t step,
   image.encoding = encoding;
   image.step = step;
   image.data = std::move(data);
+  return image;
+}
+
+sensor_msgs::CompressedImage packed_image() {
+  sensor_msgs::CompressedImage image;
+  image.header.stamp.fromNSec(kStamp_ns);
+  image.format = "mono8; png compressed ";
+  image.data = {1, 2, 3};
   return image;
 }
 
@@ -76,6 +85,13 @@ TEST(Ros1Messages, SixteenBitsOfEitherOrder) {
   EXPECT_THAT(decoded.pixels, ElementsAre(1, 0, 2, 0, 3, 0, 4, 0)) << "of this machine's order";
 }
 
+TEST(Ros1Messages, APackedImageIsReadAsItWasSaid) {
+  const auto image = std::get<PackedImage>(decode_ros1_packed_image(serialised(packed_image())));
+  EXPECT_EQ(image.stamp_ns, kStamp_ns);
+  EXPECT_EQ(image.format, "mono8; png compressed ");
+  EXPECT_THAT(image.file, ElementsAre(1, 2, 3));
+}
+
 TEST(Ros1Messages, AnImuSampleIsReadAsItWasSaid) {
   const auto sample = std::get<ImuSample>(decode_ros1_imu(serialised(imu())));
   EXPECT_EQ(sample.stamp_ns, kStamp_ns);
@@ -94,6 +110,11 @@ TEST(Ros1Messages, WhatIsCutShortOrTooLongIsRefused) {
     EXPECT_EQ(rejected(decode_ros1_imu({sample.begin(), sample.begin() + static_cast<long>(size)})),
               "sample ends too early");
   }
+  const Bytes packed = serialised(packed_image());
+  for (std::size_t size = 0; size < packed.size(); ++size) {
+    const Bytes begin(packed.begin(), packed.begin() + static_cast<long>(size));
+    EXPECT_EQ(rejected(decode_ros1_packed_image(begin)), "sample ends too early");
+  }
   Bytes longer = sample;
   longer.push_back(0);
   EXPECT_EQ(rejected(decode_ros1_imu(longer)), "sample has bytes left over");
@@ -104,6 +125,9 @@ TEST(Ros1Messages, WhatMakesNoSenseIsRefused) {
               testing::HasSubstr("encoding is none of"));
   EXPECT_EQ(rejected(decode_ros1_image(serialised(image_of("mono8", 2, {1, 2, 3})))),
             "image cut short");
+  sensor_msgs::CompressedImage depths = packed_image();
+  depths.format = "16UC1; compressedDepth png";
+  EXPECT_EQ(rejected(decode_ros1_packed_image(serialised(depths))), "depths instead of brightness");
   sensor_msgs::Imu sample = imu();
   sample.angular_velocity.x = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(rejected(decode_ros1_imu(serialised(sample))), "value not finite");
