@@ -5,6 +5,7 @@
 #include <spdlog/spdlog.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -214,7 +215,39 @@ std::string table_line(const std::string& name, const AgentSummary& agent,
     if (restarts > 0) line += fmt::format("  link restarted {} times", restarts);
   }
   if (agent.incomplete) line += "  " + *agent.incomplete;
+  if (agent.not_started) line += "  did not start: " + *agent.not_started;
   return line + "\n";
+}
+
+// Together over alone, of the drones that have both; empty where none has.
+std::string gain_line(const RunSummary& run, const RunSummary& alone) {
+  double aligned = 0, aligned_alone = 0, unaligned = 0, unaligned_alone = 0;
+  for (const auto& [name, agent] : run.agents) {
+    const auto solo = alone.agents.find(name);
+    if (solo == alone.agents.end() || !agent.accuracy || !solo->second.accuracy) continue;
+    aligned += agent.accuracy->se3.rmse;
+    aligned_alone += solo->second.accuracy->se3.rmse;
+    unaligned += agent.accuracy->none.rmse;
+    unaligned_alone += solo->second.accuracy->none.rmse;
+  }
+  if (aligned_alone <= 0 || unaligned_alone <= 0) return "";
+  return fmt::format("together over alone, mean errors: {:.2f} aligned, {:.2f} as they stand\n",
+                     aligned / aligned_alone, unaligned / unaligned_alone);
+}
+
+std::string legend(const RunSummary& run) {
+  const bool truth = std::any_of(run.agents.begin(), run.agents.end(), [](const auto& agent) {
+    return agent.second.accuracy.has_value();
+  });
+  std::string text;
+  if (truth) {
+    text +=
+        "RMSE of positions in m: as they stand (ATE none), position and yaw fitted (posyaw), SE3\n"
+        "fitted (se3). NEES of the position: about 3 for a drone that is as wrong as it says.\n";
+  }
+  if (run.mode == "collaborative")
+    text += "Questions asked, answers given; answers got, fused, gated, rejected.\n";
+  return text;
 }
 
 }  // namespace
@@ -263,6 +296,8 @@ std::string team_table(const RunSummary& run, const RunSummary* alone) {
     }
     table += table_line(name, agent, reference);
   }
+  table += legend(run);
+  if (alone != nullptr) table += gain_line(run, *alone);
   for (const auto& [name, agent] : run.agents) {
     if (!agent.alignments) continue;
     if (agent.alignments->empty()) table += name + " has found nobody's world\n";
