@@ -9,6 +9,7 @@
 
 #include "comms/convert.h"
 #include "comms/onboard_messages.h"
+#include "comms/ros1_messages.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto decoded = covey::COVEY_DECODER(covey::Bytes(data, data + size));

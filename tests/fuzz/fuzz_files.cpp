@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <fstream>
 #include <iterator>
 #include <stdexcept>
 #include <string>
@@ -16,6 +17,7 @@
 #include "apps/config_file.h"
 #include "apps/dataset.h"
 #include "apps/lab_experiment.h"
+#include "apps/packed_image.h"
 #include "apps/png_file.h"
 #include "apps/run_files.h"
 #include "apps/sensor_file.h"
@@ -29,12 +31,21 @@ void read(const std::string& file) {
   (void)reader(file);
 }
 
+void unpack(const std::string& file) {
+  std::ifstream in(file, std::ios::binary);
+  (void)covey::unpacked(
+      {1, "bayer_rggb8; png compressed ", {std::istreambuf_iterator<char>(in), {}}});
+}
+
 constexpr void (*kReaders[])(const std::string&) = {
-    read<covey::read_trajectory>,   read<covey::read_covariances>, read<covey::read_imu>,
-    read<covey::read_ground_truth>, read<covey::read_camera_file>, read<covey::read_imu_file>,
-    read<covey::load_vocabulary>,   read<covey::read_config>,      read<covey::read_experiment>,
-    read<covey::read_timings>,      read<covey::read_exchange>,    read<covey::read_field>,
-    read<covey::read_png>,          read<covey::open_mcap_bag>,    read<covey::open_ros1_bag>,
+    read<covey::read_trajectory>,  read<covey::read_covariances>,
+    read<covey::read_imu>,         read<covey::read_ground_truth>,
+    read<covey::read_camera_file>, read<covey::read_imu_file>,
+    read<covey::load_vocabulary>,  read<covey::read_config>,
+    read<covey::read_experiment>,  read<covey::read_timings>,
+    read<covey::read_exchange>,    read<covey::read_field>,
+    read<covey::read_png>,         read<covey::open_mcap_bag>,
+    read<covey::open_ros1_bag>,    unpack,
 };
 
 // A file that is nowhere on disk.

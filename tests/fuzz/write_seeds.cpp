@@ -60,6 +60,8 @@ void write_files(const std::filesystem::path& folder) {
       "0.1,0.2\n0.3,0.4\n",
       "\x89PNG\r\n\x1a\n",
       std::string("\x89MCAP0\r\n\x0f\x04\0\0\0\0\0\0\0\0\0\0\0", 21),
+      std::string("#ROSBAG V2.0\n\x09\0\0\0\x05\0\0\0op=\x03x\0\0\0\0", 30),
+      "\xff\xd8\xff\xe0",
   };
   char reader = 0;
   for (const std::string& content : contents) {
@@ -88,7 +90,7 @@ void write_all(const std::filesystem::path& folder) {
   write(folder / "odometry", encode(covey::OdometrySample{"uav0", covey::samples::odometry()}));
   write(folder / "image", encode(covey::CameraImage{7, 4, 2, 1, std::vector<std::uint8_t>(8)}));
   write(folder / "imu", encode(covey::ImuSample{7, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
-  write(folder / "px4_imu", encode_px4_imu({7000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
+  write(folder / "px4_imu", covey::encode_px4_imu({7000, {0.1, 0.2, 0.3}, {0, 0, 9.81}}));
   using Kind = covey::RecordKind;
   write(folder / "report", records({{Kind::kReport, encode(report())}}));
   write(folder / "records",
