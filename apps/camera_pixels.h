@@ -17,7 +17,7 @@ namespace covey {
 [[nodiscard]] inline CameraImage to_camera_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   const cv::Mat rows = pixels.isContinuous() ? pixels : pixels.clone();
   CameraImage image{stamp_ns, pixels.cols, pixels.rows, static_cast<int>(pixels.elemSize()), {}};
-  image.pixels.assign(rows.datastart, rows.dataend);
+  image.pixels.assign(rows.data, rows.data + rows.total() * rows.elemSize());
   return image;
 }
 

@@ -84,6 +84,12 @@ double largest_difference(CameraImage image, const cv::Mat& expected) {
   return cv::norm(pixels, expected, cv::NORM_INF);
 }
 
+TEST(CameraPixels, PartOfALargerImageIsCopiedAsSeen) {
+  const cv::Mat whole = slope(CV_16UC1);
+  for (const cv::Mat& part : {cv::Mat(whole.rowRange(3, 9)), cv::Mat(whole.colRange(3, 9))})
+    EXPECT_EQ(largest_difference(to_camera_image(kStamp_ns, part), part), 0);
+}
+
 TEST(PackedImage, PngOfEitherDepthComesBackBitForBit) {
   for (const int type : {CV_8UC1, CV_16UC1}) {
     const CameraImage image = image_in("mono16; png compressed ", png_of(slope(type)));
