@@ -108,14 +108,15 @@ DescriptorResult judge_bag(const std::vector<SurveyedView>& views,
 }  // namespace
 
 DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
-                                      const ComparisonConfig& config) {
+                                      const ComparisonConfig& config, const OnImage& on_image) {
   const std::vector<DroneFolder> drones = find_drones(dataset);
   if (drones.size() < 2) {
     throw std::runtime_error(dataset.string() + ": has one drone; two or more see each other's");
   }
   std::vector<SurveyedView> views;
   for (const DroneFolder& drone : drones) {
-    const std::vector<SurveyedView> seen = survey_flight(drone, config.interval_s, config.thermal);
+    const std::vector<SurveyedView> seen =
+        survey_flight(drone, config.interval_s, config.thermal, on_image);
     views.insert(views.end(), seen.begin(), seen.end());
   }
   return compare_descriptors(dataset_name(dataset), views, config);

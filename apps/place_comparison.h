@@ -42,7 +42,8 @@ struct DatasetComparison {
 // Throws std::runtime_error when the dataset has only one drone, no ground truth, or no place that
 // two drones have seen.
 [[nodiscard]] DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
-                                                    const ComparisonConfig& config);
+                                                    const ComparisonConfig& config,
+                                                    const OnImage& on_image = {});
 
 // The same for views that are at hand.
 [[nodiscard]] DatasetComparison compare_descriptors(const std::string& dataset,

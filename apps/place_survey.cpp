@@ -162,14 +162,18 @@ double share_seen(const SurveyedView& from, const SurveyedView& to) {
 }  // namespace
 
 std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
-                                        ThermalMode thermal) {
+                                        ThermalMode thermal, const OnImage& on_image) {
   const Dataset dataset = read_recording(drone.mav0);
   if (!dataset.ground_truth) {
     throw std::runtime_error(ground_truth_file(drone.mav0).string() +
                              ": is not there: which views show the same place is not known");
   }
   Surveyor surveyor(drone, dataset, interval_s, thermal);
-  for (const ImageEntry& image : dataset.images) surveyor.see(image);
+  std::size_t done = 0;
+  for (const ImageEntry& image : dataset.images) {
+    surveyor.see(image);
+    if (on_image) on_image(++done, dataset.images.size());
+  }
   return surveyor.views();
 }
 

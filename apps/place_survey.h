@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,10 +27,14 @@ struct SurveyedView {
   std::vector<Eigen::Vector3d> points_world;  // of those tracks that parallax places well
 };
 
+// How many images of a drone have been looked at, of how many.
+using OnImage = std::function<void(std::size_t done, std::size_t images)>;
+
 // A view every `interval_s` of the flight, tracked at full rate. Throws std::runtime_error for a
-// drone without ground truth.
+// drone without ground truth, and what `on_image` throws.
 [[nodiscard]] std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
-                                                      ThermalMode thermal);
+                                                      ThermalMode thermal,
+                                                      const OnImage& on_image = {});
 
 // Share of the points of either view that lie in the other's image, less than 30 degrees and a
 // factor of two in distance from where they were seen, the smaller of both shares. Descriptors

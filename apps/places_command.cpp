@@ -2,14 +2,21 @@
 #include "apps/places_command.h"
 
 #include <CLI/CLI.hpp>
+#include <cstddef>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "apps/number_range.h"
 #include "apps/place_comparison.h"
 #include "apps/place_report.h"
+#include "apps/progress.h"
+#include "apps/stop_signal.h"
 #include "apps/vocabulary_file.h"
 #include "apps/whole_file.h"
 
@@ -22,8 +29,34 @@ struct Options {
   ComparisonConfig comparison;
 };
 
+// A line for each drone.
+class ProgressByDrone {
+ public:
+  void operator()(std::size_t done, std::size_t images) {
+    if (stop_requested()) throw std::runtime_error("places: interrupted, nothing is written");
+    if (done == 1) progress_.emplace(images);
+    progress_->show(done);
+  }
+
+ private:
+  std::optional<Progress> progress_;
+};
+
+std::vector<DatasetComparison> compare_all(const Options& options) {
+  std::vector<DatasetComparison> comparisons;
+  for (const std::string& dataset : options.datasets) {
+    comparisons.push_back(
+        compare_descriptors(std::filesystem::path(dataset), options.comparison, ProgressByDrone()));
+    const DatasetComparison& done = comparisons.back();
+    std::fprintf(stderr,
+                 "%s: %zu views; of two drones' views %zu pairs show the same place, %zu "
+                 "another one\n",
+                 dataset.c_str(), done.views, done.same, done.different);
+  }
+  return comparisons;
+}
+
 void compare(Options options) {
-  make_writable_folder(options.out);
   options.comparison.vocabulary = load_vocabulary(options.vocabulary);
   if (!options.many_words.empty()) {
     options.comparison.many_words = load_vocabulary(options.many_words);
@@ -32,14 +65,16 @@ void compare(Options options) {
     options.comparison.thermal =
         options.thermal == "raw" ? ThermalMode::kRaw : ThermalMode::kCalibrated;
   }
+  catch_stop_signals();
+  const bool is_new = !std::filesystem::exists(options.out);
+  make_writable_folder(options.out);
   std::vector<DatasetComparison> comparisons;
-  for (const std::string& dataset : options.datasets) {
-    comparisons.push_back(compare_descriptors(std::filesystem::path(dataset), options.comparison));
-    const DatasetComparison& done = comparisons.back();
-    std::fprintf(stderr,
-                 "%s: %zu views; of two drones' views %zu pairs show the same place, %zu "
-                 "another one\n",
-                 dataset.c_str(), done.views, done.same, done.different);
+  try {
+    comparisons = compare_all(options);
+  } catch (...) {
+    std::error_code ignored;
+    if (is_new) std::filesystem::remove(options.out, ignored);
+    throw;
   }
   write_place_report(options.out, comparisons);
   std::fputs(place_table(comparisons).c_str(), stdout);

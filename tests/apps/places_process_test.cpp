@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -75,9 +76,21 @@ TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
   CoveyProcess places({"places", here, "--out", here + "/out"});
   EXPECT_EQ(places.finish(), 1);
   EXPECT_THAT(places.output(), HasSubstr("holds no drone"));
+  EXPECT_FALSE(std::filesystem::exists(here + "/out")) << "nothing is left of a folder it made";
   CoveyProcess unknown({"places", COVEY_TEST_FLIGHT, "--out", here, "--vocabulary", "infrared"});
   EXPECT_EQ(unknown.finish(), 1);
   EXPECT_THAT(unknown.output(), HasSubstr("'infrared': cannot be read"));
+}
+
+TEST(PlacesProgram, IsStoppedAtAnyImageAndLeavesNothing) {
+  const TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  CoveyProcess places({"places", COVEY_TEST_FLIGHT, COVEY_TEST_FLIGHT, "--out", out});
+  ASSERT_TRUE(places.wait_for("images"));
+  places.send(SIGINT);
+  EXPECT_EQ(places.finish(), 1);
+  EXPECT_THAT(places.output(), HasSubstr("places: interrupted, nothing is written"));
+  EXPECT_FALSE(std::filesystem::exists(out));
 }
 
 }  // namespace
