@@ -23,10 +23,10 @@
 #include "apps/bag.h"
 #include "apps/camera_pixels.h"
 #include "apps/dataset.h"
-#include "apps/png_file.h"
 #include "comms/onboard_messages.h"
 #include "sim/dataset_writer.h"
 #include "tests/apps/command_run.h"
+#include "tests/apps/png_bytes.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -289,12 +289,6 @@ TEST_F(Import, AnAutopilotsImuIsFlownToo) {
   EXPECT_LT((dataset.imu[3].accel_imu - sample_at(3).accel_imu).norm(), 1e-5);
 }
 
-Bytes png_of(CameraImage image, const fs::path& file) {
-  write_png(file.string(), pixels_of(image));
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
 // sensor_msgs/CompressedImage, little-endian: every field on a multiple of its size.
 Bytes packed_message(TimeNs stamp_ns, const std::string& format, const Bytes& file) {
   Bytes out{0, 1, 0, 0};
@@ -323,10 +317,10 @@ TEST_F(Import, PackedImagesAreFlownWhereNoOthersAreThereOrWhereNamed) {
     BagWriter writer(bag() / "flight_1.db3");
     const int camera = writer.add_topic(kName, "sensor_msgs/msg/CompressedImage");
     for (int i = 0; i < 2; ++i) {
-      const CameraImage image = image_at(i, kWidth, kHeight, 2);
-      writer.add(camera, image.stamp_ns,
-                 packed_message(image.stamp_ns, "mono16; png compressed ",
-                                png_of(image, folder_.path() / "image.png")));
+      CameraImage image = image_at(i, kWidth, kHeight, 2);
+      writer.add(
+          camera, image.stamp_ns,
+          packed_message(image.stamp_ns, "mono16; png compressed ", png_of(pixels_of(image))));
     }
     writer.add(camera, kBegin_ns + kSecond_ns,
                packed_message(kBegin_ns + kSecond_ns, "16UC1; compressedDepth png", {1}));
@@ -472,11 +466,11 @@ TEST_F(Import, PackedImagesOfRos1AreFlown) {
   {
     rosbag::Bag writer((bag() / "flight_1.bag").string(), rosbag::bagmode::Write);
     for (int i = 0; i < 2; ++i) {
-      const CameraImage image = image_at(i, kWidth, kHeight, 1);
+      CameraImage image = image_at(i, kWidth, kHeight, 1);
       sensor_msgs::CompressedImage packed;
       packed.header.stamp = ros1_time(image.stamp_ns);
       packed.format = "mono8; png compressed ";
-      packed.data = png_of(image, folder_.path() / "image.png");
+      packed.data = png_of(pixels_of(image));
       writer.write("/cam0/image_raw/compressed", ros1_time(image.stamp_ns), packed);
     }
   }

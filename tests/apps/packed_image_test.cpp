@@ -9,8 +9,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <fstream>
-#include <iterator>
 #include <opencv2/core.hpp>
 #include <string>
 #include <utility>
@@ -18,8 +16,7 @@
 #include <vector>
 
 #include "apps/camera_pixels.h"
-#include "apps/png_file.h"
-#include "tests/apps/temporary_folder.h"
+#include "tests/apps/png_bytes.h"
 
 namespace covey {
 namespace {
@@ -52,14 +49,6 @@ Bytes jpeg_of(const cv::Mat& image) {
   tjFree(packed);
   tjDestroy(packer);
   return bytes;
-}
-
-Bytes png_of(const cv::Mat& image) {
-  const TemporaryFolder folder;
-  const std::string file = (folder.path() / "image.png").string();
-  write_png(file, image);
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
 }
 
 CameraImage image_in(const std::string& format, const Bytes& file) {
