@@ -180,7 +180,7 @@ double CornerHistogram::middle(int bin) {
 }
 
 Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& config,
-                          const std::function<void(std::size_t, std::size_t)>& show) {
+                          const OnImage& show) {
   Inspection inspection;
   inspection.dataset = read_recording(drone.mav0);
   const Dataset& dataset = inspection.dataset;

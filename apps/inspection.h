@@ -6,7 +6,6 @@
 
 #include <array>
 #include <filesystem>
-#include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -15,6 +14,7 @@
 #include "apps/config_file.h"
 #include "apps/dataset.h"
 #include "apps/pipeline.h"
+#include "apps/progress.h"
 #include "apps/thermal_comparison.h"
 #include "apps/trajectory_file.h"
 
@@ -69,9 +69,9 @@ struct Inspection {
   std::optional<double> raw_residual, calibrated_residual;
 };
 
-// `show`: told how many images are done. Throws std::runtime_error naming file and line of a
-// recording that cannot be read, or when a stop was requested.
+// Throws std::runtime_error naming file and line of a recording that cannot be read, or when a stop
+// was requested.
 [[nodiscard]] Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& config,
-                                        const std::function<void(std::size_t, std::size_t)>& show);
+                                        const OnImage& show);
 
 }  // namespace covey

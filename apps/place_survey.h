@@ -6,13 +6,12 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <cstddef>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "apps/config_file.h"
 #include "apps/dataset.h"
+#include "apps/progress.h"
 #include "estimator/measurements.h"
 #include "frontend/camera.h"
 
@@ -26,9 +25,6 @@ struct SurveyedView {
   std::vector<BinaryDescriptor> features;  // as in flight: of tracked corners, oldest track first
   std::vector<Eigen::Vector3d> points_world;  // of those tracks that parallax places well
 };
-
-// How many images of a drone have been looked at, of how many.
-using OnImage = std::function<void(std::size_t done, std::size_t images)>;
 
 // A view every `interval_s` of the flight, tracked at full rate. Throws std::runtime_error for a
 // drone without ground truth, and what `on_image` throws.

@@ -6,8 +6,12 @@
 
 #include <chrono>
 #include <cstddef>
+#include <functional>
 
 namespace covey {
+
+// Told after each image of a flight.
+using OnImage = std::function<void(std::size_t done, std::size_t images)>;
 
 class Progress {
  public:

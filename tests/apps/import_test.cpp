@@ -28,6 +28,7 @@
 #include "tests/apps/command_run.h"
 #include "tests/apps/png_bytes.h"
 #include "tests/apps/temporary_folder.h"
+#include "tests/comms/cdr_bytes.h"
 
 namespace covey {
 namespace {
@@ -289,25 +290,13 @@ TEST_F(Import, AnAutopilotsImuIsFlownToo) {
   EXPECT_LT((dataset.imu[3].accel_imu - sample_at(3).accel_imu).norm(), 1e-5);
 }
 
-// sensor_msgs/CompressedImage, little-endian: every field on a multiple of its size.
 Bytes packed_message(TimeNs stamp_ns, const std::string& format, const Bytes& file) {
-  Bytes out{0, 1, 0, 0};
-  const auto put = [&](std::uint32_t value) {
-    while (out.size() % 4 != 0) out.push_back(0);
-    for (int i = 0; i < 4; ++i) out.push_back(static_cast<std::uint8_t>(value >> (8 * i)));
-  };
-  const auto text = [&](const std::string& value) {
-    put(static_cast<std::uint32_t>(value.size() + 1));
-    out.insert(out.end(), value.begin(), value.end());
-    out.push_back(0);
-  };
-  put(static_cast<std::uint32_t>(stamp_ns / kSecond_ns));
-  put(static_cast<std::uint32_t>(stamp_ns % kSecond_ns));
-  text("cam0");
-  text(format);
-  put(static_cast<std::uint32_t>(file.size()));
-  out.insert(out.end(), file.begin(), file.end());
-  return out;
+  return CdrBytes()
+      .header(static_cast<std::int32_t>(stamp_ns / kSecond_ns),
+              static_cast<std::uint32_t>(stamp_ns % kSecond_ns))
+      .text(format)
+      .octets(file)
+      .bytes();
 }
 
 TEST_F(Import, PackedImagesAreFlownWhereNoOthersAreThereOrWhereNamed) {
