@@ -15,6 +15,7 @@
 #include "apps/earlier_flight.h"
 #include "apps/json_file.h"
 #include "apps/link_process.h"
+#include "apps/start_doubt.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
 #include "comms/peer_link.h"
@@ -277,6 +278,8 @@ void Agent::show_status() {
   if (!link_) return;
   warn_of_namesake();
   warn_of_crowd();
+  warn_of_start();
+  warn_of_moves();
 }
 
 // Both then ask and answer in one name, and nobody else can tell them apart.
@@ -294,6 +297,28 @@ void Agent::warn_of_crowd() {
   if (warned_of_crowd_ || link_->statistics().refused.count(kCrowd) == 0) return;
   spdlog::warn("{}, {}: some are not answered", kCrowd, config_.link.max_agents);
   warned_of_crowd_ = true;
+}
+
+void Agent::warn_of_start() {
+  const bool should_fit =
+      config_.collaboration.exchange == ExchangeMode::kCompact && config_.fusion.drift.common_start;
+  const std::optional<CollaboratorReport> report = pipeline_.collaboration();
+  if (warned_of_start_ || !should_fit || !report) return;
+  const std::optional<std::string> doubt = doubt_of_start(peer_counts_, *report);
+  if (!doubt) return;
+  spdlog::warn("{}", *doubt);
+  warned_of_start_ = true;
+}
+
+void Agent::warn_of_moves() {
+  const DriftFilter* team = pipeline_.team_knowledge();
+  if (team == nullptr) return;
+  for (const std::string& peer : team->peers()) {
+    const int moves = team->moves(peer);
+    if (std::exchange(moves_told_[peer], moves) < moves) {
+      spdlog::warn("{}", words_on_move(peer, *team));
+    }
+  }
 }
 
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
@@ -593,6 +618,10 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 }  // namespace
 
 AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
+  if (link_) {
+    warn_of_start();
+    warn_of_moves();
+  }
   if (link_) link_->close();
   odometry_file_.close();
   timing_file_.close();

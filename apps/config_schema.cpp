@@ -386,6 +386,8 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
   v.angle("alignment_max_tilt_deg", alignment.max_tilt_rad, {0.01, 90},
           "[deg] between two worlds, whose gravity is one");
   v.number("alignment_share", alignment.share, {0, 1}, "of what was seen must agree");
+  v.count("alignment_moves", fusion.drift.max_moves, {0, 1000},
+          "how often a peer's world may be found elsewhere than it was believed");
 }
 
 void visit_onboard(OnboardConfig& onboard, ConfigVisitor& v) {

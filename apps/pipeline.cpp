@@ -49,8 +49,12 @@ class StageTimer {
   double start_ms_;
 };
 
+bool is_used(DriftOutcome outcome) {
+  return outcome == DriftOutcome::kUsed || outcome == DriftOutcome::kMoved;
+}
+
 PeerOutcome to_peer_outcome(DriftOutcome outcome) {
-  if (outcome == DriftOutcome::kUsed) return PeerOutcome::kFused;
+  if (is_used(outcome)) return PeerOutcome::kFused;
   return outcome == DriftOutcome::kGated ? PeerOutcome::kGated : PeerOutcome::kRejected;
 }
 
@@ -364,7 +368,7 @@ PeerResult Pipeline::fuse(const KeyframeMatch& match) {
     if (!relative) return {};
     const DriftOutcome outcome = fuse(*relative);
     PeerResult result{to_peer_outcome(outcome), {}};
-    const bool agrees = outcome == DriftOutcome::kUsed || outcome == DriftOutcome::kUnaligned;
+    const bool agrees = is_used(outcome) || outcome == DriftOutcome::kUnaligned;
     const CollaboratorConfig& collaboration = config_.collaboration;
     if (agrees && collaboration.tell_found && collaboration.exchange == ExchangeMode::kCompact) {
       result.reply = as_told(*relative, config_.agent.name);
@@ -383,8 +387,9 @@ PeerResult Pipeline::fuse(const KeyframeMatch& match) {
 
 DriftOutcome Pipeline::fuse(const RelativePose& relative) {
   const DriftOutcome outcome = drift_->add(relative);
-  if (outcome == DriftOutcome::kUsed) {
+  if (is_used(outcome)) {
     tell_world_of(relative.drone);
+    if (outcome == DriftOutcome::kMoved) collaborator_->place_anew(relative.drone);
     peer_landmarks_.used += relative.inliers;
   } else if (outcome == DriftOutcome::kUnaligned) {
     collaborator_->suppose_world(relative.drone, world_of(relative));

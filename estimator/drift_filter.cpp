@@ -81,12 +81,12 @@ DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
     : config_(config),
       gate_limit_(chi_square_quantile(config.gate_confidence, kSize)),
       gate_limit_with_ratio_(chi_square_quantile(config.gate_confidence, kRows)) {
-  drones_.push_back({std::move(own_name), {}, {}, {}});
+  drones_.push_back({std::move(own_name), {}, {}, {}, 0});
   drones_.front().world.known = true;
 }
 
 DriftFilter::Drone DriftFilter::newcomer(const std::string& name) const {
-  Drone drone{name, {}, {}, {}};
+  Drone drone{name, {}, {}, {}, 0};
   drone.world.known = config_.common_start;
   return drone;
 }
@@ -289,21 +289,42 @@ DriftOutcome DriftFilter::add(const RelativePose& measurement) {
   const std::optional<std::size_t> index = drone_index(measurement.drone);
   if (!index || !is_of_present_flight(*index, measurement.other)) return DriftOutcome::kInvalid;
   Drone& drone = drones_[*index];
-  if (drone.world.known) return use(*index, measurement);
+  if (drone.world.known) {
+    const DriftOutcome outcome = use(*index, measurement);
+    if (outcome == DriftOutcome::kUsed) drone.vote = {};
+    return outcome == DriftOutcome::kGated ? contradict(*index, measurement) : outcome;
+  }
   const std::vector<RelativePose> agreeing = drone.vote.add(config_.alignment, measurement);
   if (agreeing.empty()) return DriftOutcome::kUnaligned;
-  drone.world.known = true;
-  drone.world.pivot = measurement.own.T_world_cam.translation();
-  drone.world.T_own_peer =
-      levelled(world_of(measurement), measurement.other.T_world_cam.translation());
-  drone.world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
-  drone.world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
+  return align(*index, agreeing) ? DriftOutcome::kUsed : DriftOutcome::kGated;
+}
+
+DriftOutcome DriftFilter::contradict(std::size_t drone, const RelativePose& measurement) {
+  const int moves = drones_[drone].moves;
+  if (drone == 0 || moves >= config_.max_moves) return DriftOutcome::kGated;
+  const std::vector<RelativePose> agreeing =
+      drones_[drone].vote.add(config_.alignment, measurement);
+  if (agreeing.empty()) return DriftOutcome::kGated;
+  forget_drone(measurement.drone);
+  drones_[drone].moves = moves + 1;
+  return align(drone, agreeing) ? DriftOutcome::kMoved : DriftOutcome::kGated;
+}
+
+bool DriftFilter::align(std::size_t drone, const std::vector<RelativePose>& agreeing) {
+  const RelativePose& newest = agreeing.back();
+  World& world = drones_[drone].world;
+  world.known = true;
+  world.pivot = newest.own.T_world_cam.translation();
+  world.T_own_peer = levelled(world_of(newest), newest.other.T_world_cam.translation());
+  world.covariance.setZero();
+  world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
+  world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
   bool used = false;
   for (const RelativePose& relative : agreeing) {
-    used |= use(*index, relative) == DriftOutcome::kUsed;
+    used |= use(drone, relative) == DriftOutcome::kUsed;
   }
-  drone.world.known = used;
-  return used ? DriftOutcome::kUsed : DriftOutcome::kGated;
+  if (!used) world = newcomer(newest.drone).world;
+  return used;
 }
 
 DriftFilter::UsedPose DriftFilter::to_used(const RelativePose& measurement) {
@@ -489,6 +510,12 @@ WorldAlignment DriftFilter::alignment_by(int index) const {
       correction * T_own_peer, T_own_peer.inverse() * known.p,
       std::sqrt(P.topLeftCorner<3, 3>().selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff()),
       std::sqrt(P(5, 5))};
+}
+
+int DriftFilter::moves(const std::string& peer) const {
+  const auto drone = std::find_if(drones_.begin(), drones_.end(),
+                                  [&](const Drone& known) { return known.name == peer; });
+  return drone == drones_.end() ? 0 : drone->moves;
 }
 
 std::vector<std::string> DriftFilter::peers() const {

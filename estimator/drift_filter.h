@@ -46,8 +46,12 @@ struct DriftConfig {
   // the other's landmarks and the other the one's.
   double same_landmarks_s = 2.0;  // s
   double other_landmarks_share = 0.2;
-  // Do all drones start in one world? If not, each peer's world is aligned first.
+  // Do all drones start in one world? If not, each peer's world is aligned first. Either way a
+  // world is aligned anew once relative poses that do not fit it, with none between them that does,
+  // agree on another as well as `alignment` asks for; but not more often than that: who moves on
+  // and on is not believed.
   bool common_start = true;
+  int max_moves = 3;
   // Depths are as wrong as the way on which they were measured, if that took so long: those of the
   // first moments of a flight are wrong in ways of their own and are not compared.
   double least_depth_memory_s = 3.0;  // s
@@ -55,7 +59,14 @@ struct DriftConfig {
   int max_drones = 64;  // who invents more names is not heard
 };
 
-enum class DriftOutcome : std::uint8_t { kUsed, kGated, kUnaligned, kRepeated, kInvalid };
+enum class DriftOutcome : std::uint8_t {
+  kUsed,
+  kMoved,  // used, and the peer's world lies elsewhere than was believed
+  kGated,
+  kUnaligned,
+  kRepeated,
+  kInvalid
+};
 
 // A peer's world in the own one, as a common keyframe has it.
 struct WorldAlignment {
@@ -86,6 +97,8 @@ class DriftFilter {
   [[nodiscard]] std::optional<WorldAlignment> alignment(const std::string& peer) const;
   // By its oldest: where its world lies, before it had drifted far.
   [[nodiscard]] std::optional<WorldAlignment> alignment_at_start(const std::string& peer) const;
+  // How often a peer's world was found to lie elsewhere than was believed.
+  [[nodiscard]] int moves(const std::string& peer) const;
   [[nodiscard]] std::vector<std::string> peers() const;  // that were ever heard
   [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
   // Of the pose errors of all keyframes in the state, [dp dtheta] each.
@@ -117,8 +130,9 @@ class DriftFilter {
   struct Drone {
     std::string name;
     World world;
-    WorldVote vote;
+    WorldVote vote;             // while the world is known: against it
     std::deque<UsedPose> used;  // the newest
+    int moves = 0;              // of the world, since it was known first
   };
   // Indices of nodes; -1: none.
   struct Neighbours {
@@ -184,6 +198,10 @@ class DriftFilter {
                                    bool with_ratio);
   // None if the ratio of the depths says nothing of both drones' odometry.
   [[nodiscard]] const DepthRatio* usable_ratio(const RelativePose& measurement) const;
+  // False if none of them could be used: then its world is a newcomer's.
+  bool align(std::size_t drone, const std::vector<RelativePose>& agreeing);
+  // What became of one that does not fit a world that is known.
+  DriftOutcome contradict(std::size_t drone, const RelativePose& measurement);
   // Unless it is used, nothing changes.
   DriftOutcome use(std::size_t drone, const RelativePose& measurement);
   // `repetition`: of its noise. Leaves keyframes in the state though they were of no use.

@@ -168,6 +168,15 @@ void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& 
   strangers_.erase(peer);
 }
 
+void Collaborator::place_anew(const std::string& peer) {
+  const std::optional<Eigen::Isometry3d> world = matcher_.world_of(peer);
+  if (!world) return;
+  for (Remembered& seen : remembered_) {
+    if (seen.keyframe.sender != peer) continue;
+    seen.view.T_world_cam = *world * seen.keyframe.pose.T_world_cam;
+  }
+}
+
 void Collaborator::suppose_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
   matcher_.suppose_world(peer, T_own_peer);
 }

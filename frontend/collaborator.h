@@ -169,6 +169,8 @@ class Collaborator {
   // Where a peer's world lies in the own one, as far as that is known by now: what it has seen is
   // looked for there first.
   void know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer);
+  // What is remembered of a peer whose world was taken to lie elsewhere until now.
+  void place_anew(const std::string& peer);
   // As one relative pose has it: looked for there too until it is known. Nothing else relies on it.
   void suppose_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer);
 

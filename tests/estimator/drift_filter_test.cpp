@@ -622,5 +622,113 @@ TEST(DriftFilter, AWorldThatIsTiltedIsNone) {
   }
 }
 
+// ------------------------------------------------------------------------ worlds that were wrong
+
+// How far off the other's newest keyframe is put, its drift included.
+double misplaced_m(const DriftFilter& filter, const Walk& other, std::size_t last) {
+  const std::optional<WorldAlignment> found = filter.alignment("uav1");
+  if (!found) return std::numeric_limits<double>::infinity();
+  return (found->T_own_peer * other.keyframes[last].T_world_cam.translation() -
+          other.truth[last].translation())
+      .norm();
+}
+
+// Of the own position, corrected, at the last keyframe.
+double position_nees(const DriftFilter& filter, const Walk& own) {
+  const Odometry corrected = filter.corrected(odometry_at(own.keyframes.back()));
+  const Eigen::Vector3d error = own.truth.back().translation() - corrected.pose.p_world_imu;
+  const Eigen::Matrix3d P = corrected.pose_covariance.topLeftCorner<3, 3>();
+  return error.dot(P.ldlt().solve(error));
+}
+
+// A row of halls that are all the same: the next one is taken for the first as long as the drones
+// are in those, and every pose agrees.
+TEST(DriftFilter, AFalseAlignmentIsTakenBack) {
+  double nees = 0;
+  constexpr int kSeeds = 8;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    const Walk own = walk(2 * seed, 40, {0, 0, 0});
+    const Walk other = elsewhere(walk(2 * seed + 1, 40, {-3, 0, 0}), far_away());
+    DriftFilter filter(unknown_start(), "uav0");
+    int moved = 0;
+    for (std::size_t i = 0; i < 40; ++i) {
+      filter.add_own(own.keyframes[i]);
+      RelativePose pose = relative(own, i, other, i, 50 * seed + i);
+      if (i < 12) pose.T_other_own.translation().x() += 12;
+      moved += filter.add(pose) == DriftOutcome::kMoved ? 1 : 0;
+      if (i == 11) {
+        EXPECT_GT(misplaced_m(filter, other, i), 11) << "it looks so to everybody";
+      }
+    }
+    EXPECT_EQ(moved, 1);
+    EXPECT_EQ(filter.moves("uav1"), 1);
+    EXPECT_LT(misplaced_m(filter, other, 39), 0.5) << "drift of both included";
+    EXPECT_GT(least_eigenvalue(filter), 0);
+    nees += position_nees(filter, own) / kSeeds;
+  }
+  EXPECT_LT(nees, 2 * 3) << "the own drone is hardly the worse for it";
+}
+
+TEST(DriftFilter, APeerThatDoesNotStartWhereItSaysIsFoundWhereItDoes) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().x() = 1.5;
+  T.linear() = exp_so3({0, 0, 0.02});
+  const Walk own = walk(1, 40, {0, 0, 0}), other = elsewhere(walk(2, 40, {-3, 0, 0}), T);
+  DriftFilter filter({}, "uav0");
+  std::size_t first_used = 0;
+  for (std::size_t i = 0; i < 40; ++i) {
+    filter.add_own(own.keyframes[i]);
+    const DriftOutcome outcome = filter.add(relative(own, i, other, i, i));
+    if (first_used > 0) {
+      EXPECT_NE(outcome, DriftOutcome::kMoved);
+    } else if (outcome == DriftOutcome::kMoved) {
+      first_used = i;
+    } else {
+      EXPECT_EQ(outcome, DriftOutcome::kGated);
+      EXPECT_EQ(filter.keyframes(), 0);
+    }
+  }
+  EXPECT_GE(first_used, 4u) << "views must differ by 0.4 rad, 4 m at that depth";
+  EXPECT_LE(first_used, 6u);
+  EXPECT_LT(misplaced_m(filter, other, 39), 0.3);
+}
+
+TEST(DriftFilter, WhatFitsKeepsTheWorldWhereItIs) {
+  const Walk own = walk(1, 60, {0, 0, 0}), other = walk(2, 60, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  for (std::size_t i = 0; i < 60; ++i) {
+    filter.add_own(own.keyframes[i]);
+    const RelativePose pose = relative(own, i, other, i, i);
+    EXPECT_NE(filter.add(i % 4 == 3 ? pose : five_metres_off(pose)), DriftOutcome::kMoved);
+  }
+  EXPECT_EQ(filter.moves("uav1"), 0);
+  EXPECT_LT(misplaced_m(filter, other, 59), 0.3);
+}
+
+TEST(DriftFilter, WhoMovesOnAndOnIsNotBelieved) {
+  const Walk own = walk(1, 100, {0, 0, 0}), honest = walk(2, 100, {-3, 0, 0});
+  DriftConfig config;
+  DriftFilter filter(config, "uav0");
+  for (std::size_t i = 0; i < 100; ++i) {
+    filter.add_own(own.keyframes[i]);
+    RelativePose pose = relative(own, i, honest, i, i);
+    pose.T_other_own.translation().x() += 3.0 * static_cast<double>(i / 10);
+    (void)filter.add(pose);
+  }
+  EXPECT_EQ(filter.moves("uav1"), config.max_moves);
+  EXPECT_EQ(filter.add(five_metres_off(relative(own, 99, honest, 99, 7))), DriftOutcome::kGated);
+}
+
+TEST(DriftFilter, TheOwnWorldStaysWhereItIs) {
+  const Walk own = walk(1, 60, {0, 0, 0});
+  DriftFilter filter({}, "uav0");
+  for (const KeyframePose& pose : own.keyframes) filter.add_own(pose);
+  for (std::size_t i = 30; i < 60; ++i) {
+    const RelativePose pose = five_metres_off(relative(own, i, own, i - 30, i, "uav0"));
+    EXPECT_EQ(filter.add(pose), DriftOutcome::kGated);
+  }
+  EXPECT_EQ(filter.moves("uav0"), 0);
+}
+
 }  // namespace
 }  // namespace covey

@@ -181,6 +181,25 @@ TEST(InPlaceMatching, UntilThenItIsLookedForWhereItIsSupposedToBe) {
   expect_found(ask(uav0, wall, wall, far_world()));
 }
 
+// What is remembered of a peer stands where its world was taken to be.
+TEST(InPlaceMatching, WhatIsRememberedMovesWithAWorldThatWasWrong) {
+  const SlantedPlane wall(small_camera());
+  Eigen::Isometry3d wrong = far_world();
+  wrong.translation().y() += 40;
+  Collaborator uav0 = make_drone("uav0", false);
+  uav0.know_world("uav1", wrong);
+  EXPECT_TRUE(std::holds_alternative<NoMatch>(ask(uav0, wall, wall, far_world())));
+  const auto revisited = [&](unsigned seed) {
+    look(uav0, wall, aside(), to_isometry(aside()), seed);
+    return uav0.revisit().size();
+  };
+  EXPECT_EQ(revisited(9), 0u);
+  uav0.know_world("uav1", far_world());
+  EXPECT_EQ(revisited(10), 0u);
+  uav0.place_anew("uav1");
+  EXPECT_EQ(revisited(11), 1u);
+}
+
 TEST(InPlaceMatching, TellsFromHowFarAsideThePlaceIsKnownAgain) {
   const SlantedPlane wall(small_camera());
   const double guess = ViewpointTolerance().tolerance();
