@@ -9,8 +9,10 @@
 
 namespace covey {
 
-// EuRoC csv files; `imu_csv` may be empty. Throws std::runtime_error naming file and line.
+// EuRoC csv files; `imu_csv` may be empty. Without the first `begin_s` of the ground truth. Throws
+// std::runtime_error naming file and line, or the file that is over by then.
 [[nodiscard]] RecordedFlight read_recorded_flight(const std::filesystem::path& ground_truth_csv,
-                                                  const std::filesystem::path& imu_csv);
+                                                  const std::filesystem::path& imu_csv,
+                                                  double begin_s = 0);
 
 }  // namespace covey

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/simulate_command.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -42,6 +43,7 @@ struct Options {
   SimulationRequest request;
   std::vector<std::string> trajectories;
   std::vector<std::string> imus;
+  std::vector<double> begins_s;  // of the trajectories
   bool raw16 = false;
   bool force = false;
 };
@@ -141,17 +143,22 @@ class RenderingCrew {
 };
 
 void read_recordings(Options& options) {
-  if (!options.imus.empty() && options.imus.size() != options.trajectories.size())
-    throw std::runtime_error("simulate: --imu needs one file for each --trajectory");
-  for (std::size_t i = 0; i < options.trajectories.size(); ++i)
-    options.request.recorded.push_back(read_recorded_flight(
-        options.trajectories[i], options.imus.empty() ? std::string() : options.imus[i]));
-  for (std::size_t i = 0; i < options.trajectories.size(); ++i) {
-    const std::vector<TrueState>& states = options.request.recorded[i].states;
+  const std::vector<std::string>& files = options.trajectories;
+  const auto require_one_each = [&](const char* option, std::size_t given) {
+    if (given > 0 && given != files.size())
+      throw std::runtime_error(fmt::format("simulate: {} needs one for each --trajectory", option));
+  };
+  require_one_each("--imu", options.imus.size());
+  require_one_each("--begin", options.begins_s.size());
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    options.request.recorded.push_back(
+        read_recorded_flight(files[i], options.imus.empty() ? std::string() : options.imus[i],
+                             options.begins_s.empty() ? 0 : options.begins_s[i]));
+    const std::vector<TrueState>& states = options.request.recorded.back().states;
     const double recorded_s = seconds_between(states.front().stamp_ns, states.back().stamp_ns);
     if (options.request.duration_s > recorded_s)
-      spdlog::warn("{}: lasts {:.1f} s, not {:g}: so long uav{} flies", options.trajectories[i],
-                   recorded_s, options.request.duration_s, i);
+      spdlog::warn("{}: lasts {:.1f} s, not {:g}: so long uav{} flies", files[i], recorded_s,
+                   options.request.duration_s, i);
   }
 }
 
@@ -215,6 +222,10 @@ void add_simulate_command(CLI::App& covey) {
       ->check(NumberRange(1.0, 200.0));
   command->add_option("--trajectory", options->trajectories,
                       "Recorded motion to fly, EuRoC csv, one for each drone (room)");
+  command
+      ->add_option("--begin", options->begins_s,
+                   "s into the recording at which a drone begins, one for each --trajectory")
+      ->check(NumberRange(0.0, 1e5));
   command->add_option("--imu", options->imus,
                       "Recorded IMU that belongs to it, EuRoC csv, one for each --trajectory");
   command->add_flag("--raw16", options->raw16, "Write 16-bit thermal images as well (cam0raw16)");

@@ -137,6 +137,25 @@ TEST(SimulateCommand, KeepsARecordedImuAndItsStamps) {
   EXPECT_EQ(state.accel_bias, Eigen::Vector3d(0.1, 0.2, 0.3));
 }
 
+TEST(SimulateCommand, BeginsWithinARecording) {
+  const TemporaryFolder folder;
+  std::string imu = "#timestamp,wx,wy,wz,ax,ay,az\n";
+  for (int i = 0; i < 500; ++i)
+    imu += std::to_string(1000000000LL + i * 5000000LL) + ",0,0,0,0,0,9.81\n";
+  const std::string truth = folder.write("truth.csv", truth_csv(41)).string();
+  const std::string imu_file = folder.write("imu.csv", imu).string();
+  const fs::path out = folder.path() / "room";
+  ASSERT_EQ(simulate("room --seconds 1 --rate 2 --trajectory " + truth + " " + truth + " --imu " +
+                     imu_file + " " + imu_file + " --begin 0 0.5 --out " + out.string()),
+            "");
+  const std::vector<DroneFolder> drones = find_drones(out);
+  ASSERT_EQ(drones.size(), 2u);
+  const Dataset first = read_dataset(drones[0].mav0), second = read_dataset(drones[1].mav0);
+  EXPECT_EQ(first.imu.front().stamp_ns, 1000000000LL);
+  EXPECT_EQ(second.imu.front().stamp_ns, 1500000000LL);
+  EXPECT_EQ(first.imu.size(), second.imu.size());
+}
+
 TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
   const TemporaryFolder folder;
   const fs::path spoiled = folder.write("spoiled.csv", truth_csv(20, "3000000000,1,2,three\n"));
@@ -152,6 +171,9 @@ TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
               HasSubstr("does not overlap"));
   EXPECT_THAT(simulate("castle_around --trajectory " + good.string() + to), HasSubstr("room"));
   EXPECT_THAT(simulate("room --imu " + late.string() + to), HasSubstr("--trajectory"));
+  EXPECT_THAT(simulate("room --begin 3" + to), HasSubstr("--begin needs one for each"));
+  EXPECT_THAT(simulate("room --trajectory " + good.string() + " --begin 1" + to),
+              HasSubstr("good.csv: lasts 0.95 s and cannot begin at 1 s"));
   EXPECT_THAT(simulate("room --raw16" + to), HasSubstr("mars_yard"));
   EXPECT_THAT(simulate("castle_parallel --shutter" + to), HasSubstr("--shutter is for thermal"));
   EXPECT_EQ(entries(folder.path()), 3u) << "only the csv files of this test";
