@@ -88,6 +88,15 @@ EstimatorConfig estimator_in_flight() {
   return config;
 }
 
+DriftConfig drift_config(const FusionConfig& fusion, bool has_truth) {
+  DriftConfig drift = fusion.drift;
+  const bool exact =
+      fusion.starts == KnownStarts::kExact || (fusion.starts == KnownStarts::kAuto && has_truth);
+  drift.start_position_sigma_m = exact ? 0 : fusion.start_position_sigma_m;
+  drift.start_yaw_sigma = exact ? 0 : fusion.start_yaw_sigma;
+  return drift;
+}
+
 bool is_calibrated(ThermalMode mode, bool thermal) {
   return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
 }

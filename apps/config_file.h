@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -69,10 +70,23 @@ enum class FusionMode {
                       // intersection
 };
 
+// How well the starts of drones in one world are known to each other.
+enum class KnownStarts {
+  kAuto,      // exactly where ground truth tells, else as they were measured
+  kExact,     // as they are told
+  kMeasured,  // as well as FusionConfig says
+};
+
 struct FusionConfig {
   FusionMode mode = FusionMode::kJoint;
   DriftConfig drift;
+  KnownStarts starts = KnownStarts::kAuto;
+  // Where they are measured, by hand, say; standard deviations between two drones.
+  double start_position_sigma_m = 0.1;          // m
+  double start_yaw_sigma = 2.0 / 180.0 * M_PI;  // rad
 };
+// What of it the drift filter takes.
+[[nodiscard]] DriftConfig drift_config(const FusionConfig& fusion, bool has_truth);
 
 enum class ThermalMode {
   kAuto,        // calibrated when the camera is a thermal one, by sensor.yaml or 16-bit images

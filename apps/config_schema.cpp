@@ -375,6 +375,12 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
   v.angle("found_angle_sigma_deg", fusion.drift.found_angle_sigma, {0, 10}, "[deg] the same");
   v.flag("common_start", fusion.drift.common_start,
          "all drones start in one world; otherwise peers' worlds are aligned first");
+  v.option("starts", fusion.starts, {"auto", "exact", "measured"},
+           "how well drones know where they start in it; auto: exactly from ground truth, else as "
+           "measured");
+  v.number("start_position_sigma_m", fusion.start_position_sigma_m, {0, 1e3},
+           "[m] of a peer's start, seen from the own one, where starts are measured");
+  v.angle("start_yaw_sigma_deg", fusion.start_yaw_sigma, {0, 180}, "[deg] of its heading");
   WorldVoteConfig& alignment = fusion.drift.alignment;
   v.count("alignment_votes", alignment.votes, {2, 100},
           "relative poses that must agree before a peer's world is aligned");

@@ -27,6 +27,8 @@ class Initialisation {
       TimeNs imu_stamp_ns, const std::vector<ImuSample>& imu) const;
 
   [[nodiscard]] double history_s() const { return static_.window_s; }
+  // Whether ground truth tells where it starts.
+  [[nodiscard]] bool has_truth() const { return truth_.has_value(); }
 
  private:
   [[nodiscard]] std::variant<InitialState, NotStill> from_truth(TimeNs imu_stamp_ns) const;

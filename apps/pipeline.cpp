@@ -108,7 +108,7 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
     collaborator_.emplace(collaborator_config(config),
                           load_vocabulary(vocabulary.empty() ? suits : vocabulary), sensors.camera);
     if (config.fusion.mode == FusionMode::kJoint) {
-      drift_.emplace(config.fusion.drift, config.agent.name);
+      drift_.emplace(drift_config(config.fusion, initialisation_.has_truth()), config.agent.name);
     }
   }
 }

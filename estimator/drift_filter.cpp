@@ -53,6 +53,14 @@ bool makes_sense(const RelativePose& measurement) {
           is_positive_definite<kRows>(noise_of(measurement, &*ratio, Eigen::Matrix3d::Identity())));
 }
 
+// Of a level world, [dp dtheta].
+Matrix6d about_pivot(double position_sigma_m, double yaw_sigma) {
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal().head<3>().setConstant(position_sigma_m * position_sigma_m);
+  covariance(5, 5) = yaw_sigma * yaw_sigma;
+  return covariance;
+}
+
 struct FoundVariances {
   double position = 0, angle = 0;  // m2 and rad2, sums over the three axes
 };
@@ -88,6 +96,10 @@ DriftFilter::DriftFilter(const DriftConfig& config, std::string own_name)
 DriftFilter::Drone DriftFilter::newcomer(const std::string& name) const {
   Drone drone{name, {}, {}, {}, 0};
   drone.world.known = config_.common_start;
+  if (config_.common_start) {
+    drone.world.pivot = p_own_start_;
+    drone.world.covariance = about_pivot(config_.start_position_sigma_m, config_.start_yaw_sigma);
+  }
   return drone;
 }
 
@@ -101,6 +113,7 @@ std::optional<std::size_t> DriftFilter::drone_index(const std::string& name) {
 }
 
 void DriftFilter::add_own(const KeyframePose& pose) {
+  if (own_history_.empty()) p_own_start_ = pose.T_world_cam.translation();
   if (own_history_.size() >= kMaxHistory) own_history_.pop_front();
   own_history_.push_back(
       {pose.stamp_ns, pose.covariance.topLeftCorner<3, 3>().trace(), pose.covariance(5, 5)});
@@ -316,9 +329,7 @@ bool DriftFilter::align(std::size_t drone, const std::vector<RelativePose>& agre
   world.known = true;
   world.pivot = newest.own.T_world_cam.translation();
   world.T_own_peer = levelled(world_of(newest), newest.other.T_world_cam.translation());
-  world.covariance.setZero();
-  world.covariance.diagonal().head<3>().setConstant(kAlignedSigma_m * kAlignedSigma_m);
-  world.covariance(5, 5) = kAlignedSigma_rad * kAlignedSigma_rad;
+  world.covariance = about_pivot(kAlignedSigma_m, kAlignedSigma_rad);
   bool used = false;
   for (const RelativePose& relative : agreeing) {
     used |= use(drone, relative) == DriftOutcome::kUsed;

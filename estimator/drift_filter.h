@@ -52,6 +52,10 @@ struct DriftConfig {
   // and on is not believed.
   bool common_start = true;
   int max_moves = 3;
+  // Of where a peer starts in a common world, seen from the own start, and of its heading there
+  // (standard deviations). 0: exactly where it says.
+  double start_position_sigma_m = 0;  // m
+  double start_yaw_sigma = 0;         // rad
   // Depths are as wrong as the way on which they were measured, if that took so long: those of the
   // first moments of a flight are wrong in ways of their own and are not compared.
   double least_depth_memory_s = 3.0;  // s
@@ -117,8 +121,9 @@ class DriftFilter {
   struct World {
     bool known = false;
     Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
-    Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // m, where the alignment was found
-    Matrix6d covariance = Matrix6d::Zero();           // at the pivot
+    // m, where the alignment was found; in a common start, where the own drone began.
+    Eigen::Vector3d pivot = Eigen::Vector3d::Zero();
+    Matrix6d covariance = Matrix6d::Zero();  // at the pivot
   };
   // What of a relative pose tells how much another one repeats it.
   struct UsedPose {
@@ -216,6 +221,7 @@ class DriftFilter {
   Eigen::MatrixXd P_;
   Saved saved_;                       // the state before the newest relative pose; as large as that
   std::deque<OwnDrift> own_history_;  // rising stamps
+  Eigen::Vector3d p_own_start_ = Eigen::Vector3d::Zero();
   UsualFound usual_found_;
 };
 

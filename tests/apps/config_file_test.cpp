@@ -219,5 +219,19 @@ TEST(AgentConfig, WithoutACommonStartPeersMayBeAnywhere) {
   EXPECT_GE(lost.matching.verification.max_yaw, M_PI);
 }
 
+TEST(AgentConfig, StartsAreExactWhereGroundTruthTellsThem) {
+  FusionConfig fusion;
+  const auto sigma_m = [&](bool has_truth) {
+    return drift_config(fusion, has_truth).start_position_sigma_m;
+  };
+  EXPECT_EQ(sigma_m(true), 0);
+  EXPECT_EQ(sigma_m(false), fusion.start_position_sigma_m);
+  EXPECT_EQ(drift_config(fusion, false).start_yaw_sigma, fusion.start_yaw_sigma);
+  fusion.starts = KnownStarts::kMeasured;
+  EXPECT_EQ(sigma_m(true), fusion.start_position_sigma_m);
+  fusion.starts = KnownStarts::kExact;
+  EXPECT_EQ(sigma_m(false), 0);
+}
+
 }  // namespace
 }  // namespace covey
