@@ -26,6 +26,7 @@
 #include "apps/png_file.h"
 #include "apps/progress.h"
 #include "apps/recorded_flight.h"
+#include "apps/sensor_file.h"
 #include "apps/stop_signal.h"
 #include "apps/thermal_truth_file.h"
 #include "sim/dataset_writer.h"
@@ -44,6 +45,8 @@ struct Options {
   std::vector<std::string> trajectories;
   std::vector<std::string> imus;
   std::vector<double> begins_s;  // of the trajectories
+  std::string camera;            // sensor.yaml
+  std::string imu_noise;         // sensor.yaml
   bool raw16 = false;
   bool force = false;
 };
@@ -53,7 +56,7 @@ void write_drone(const fs::path& mav0, DroneSimulation& drone, bool raw16,
   const CameraDescription camera = drone.camera();
   const DroneSimulation::Plan& plan = drone.plan();
   write_camera_file(mav0 / "cam0" / "sensor.yaml", camera);
-  write_imu_file(mav0 / "imu0" / "sensor.yaml", plan.imu_noise, 200, plan.imu_comment);
+  write_imu_file(mav0 / "imu0" / "sensor.yaml", plan.imu_noise, plan.imu_rate_hz, plan.imu_comment);
   write_imu_csv(mav0 / "imu0" / "data.csv", plan.imu.samples);
   write_ground_truth_csv(ground_truth_file(mav0), drone.true_states());
 
@@ -162,6 +165,22 @@ void read_recordings(Options& options) {
   }
 }
 
+void read_sensor_files(Options& options) {
+  if (!options.camera.empty()) {
+    const CameraCalibration camera = read_camera_file(options.camera);
+    for (const std::string& doubt : doubts_about(camera, options.camera)) spdlog::warn("{}", doubt);
+    options.request.camera = camera.intrinsics;
+  }
+  if (!options.imu_noise.empty()) {
+    options.request.imu_noise = read_imu_file(options.imu_noise);
+    for (const std::string& doubt : doubts_about(*options.request.imu_noise, options.imu_noise))
+      spdlog::warn("{}", doubt);
+  }
+  if (!options.imus.empty() && (options.request.imu_noise || options.request.imu_rate_hz))
+    throw std::runtime_error(
+        "simulate: --imu-noise and --imu-rate are for simulated IMUs, --imu is a recorded one");
+}
+
 void simulate(Options options) {
   options.request.scenario = *scenario_from_name(options.scenario);
   if (options.request.scenario != Scenario::kMarsYard) {
@@ -175,6 +194,7 @@ void simulate(Options options) {
   catch_stop_signals();
   StagedFolder folder(options.out, options.force ? is_dataset : nullptr);
   read_recordings(options);
+  read_sensor_files(options);
   std::vector<DroneSimulation> drones = make_simulation(options.request);
 
   std::size_t images = 0;
@@ -220,6 +240,14 @@ void add_simulate_command(CLI::App& covey) {
   command->add_option("--rate", request.camera_rate_hz, "Images per second")
       ->capture_default_str()
       ->check(NumberRange(1.0, 200.0));
+  command->add_option(
+      "--camera", options->camera,
+      "sensor.yaml with the lens and image size of another camera; it is mounted as "
+      "the scenario's");
+  command->add_option("--imu-noise", options->imu_noise,
+                      "sensor.yaml with the noise of another IMU");
+  command->add_option("--imu-rate", request.imu_rate_hz, "IMU samples per second (default: 200)")
+      ->check(NumberRange(20.0, 4000.0));
   command->add_option("--trajectory", options->trajectories,
                       "Recorded motion to fly, EuRoC csv, one for each drone (room)");
   command

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
+#include <limits>
 
 namespace covey {
 namespace {
@@ -14,7 +14,9 @@ using Eigen::Vector3f;
 
 constexpr int kTileSide = 16;          // pixels
 constexpr float kNearPlane = 0.02f;    // m
-constexpr float kWidestCosine = 0.3f;  // of the angle from the optical axis to any pixel
+constexpr float kWidestCosine = 0.3f;  // of the angle from the optical axis to any lit pixel
+constexpr int kNoSurface = -2;         // of dark pixels; see Hit
+const Vector2f kDark = Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
 
 struct Rect {
   Vector2f low = Vector2f::Constant(1e9f), high = Vector2f::Constant(-1e9f);
@@ -172,17 +174,30 @@ std::vector<Looks> looks_by_path(TemporalResponse::Shape shape) {
 }  // namespace
 
 Renderer::Renderer(const CameraIntrinsics& camera) : camera_(camera) {
+  const double widest = std::sqrt(1 / (kWidestCosine * kWidestCosine) - 1);
   bearings_.reserve(static_cast<std::size_t>(stride()) * (camera.height + 1));
   for (int y = 0; y <= camera.height; ++y)
     for (int x = 0; x <= camera.width; ++x) {
       const auto bearing = unproject(camera, Eigen::Vector2d(x, y));
-      if (!bearing)
-        throw std::runtime_error("renderer: the distortion cannot be inverted at pixel " +
-                                 std::to_string(x) + ", " + std::to_string(y));
-      bearings_.push_back(bearing->cast<float>());
+      const bool lit = bearing && bearing->norm() < widest;
+      bearings_.push_back(lit ? bearing->cast<float>() : kDark);
     }
   for (int y = 0; y < camera.height; y += kTileSide)
     for (int x = 0; x < camera.width; x += kTileSide) tiles_.push_back(tile_at(x, y));
+}
+
+const Vector2f* Renderer::most_central_lit(const Tile& tile) const {
+  const int x_middle = (tile.x0 + tile.x1) / 2, y_middle = (tile.y0 + tile.y1) / 2;
+  const Vector2f* best = nullptr;
+  int least = std::numeric_limits<int>::max();
+  for (int y = tile.y0; y < tile.y1; ++y)
+    for (int x = tile.x0; x < tile.x1; ++x) {
+      const int distance = std::abs(x - x_middle) + std::abs(y - y_middle);
+      if (distance >= least || !is_lit(x, y)) continue;
+      best = bearing(x, y);
+      least = distance;
+    }
+  return best;
 }
 
 Renderer::Tile Renderer::tile_at(int x0, int y0) const {
@@ -193,11 +208,13 @@ Renderer::Tile Renderer::tile_at(int x0, int y0) const {
   tile.y1 = std::min(y0 + kTileSide, camera_.height);
   for (int y = y0; y <= tile.y1; ++y)
     for (int x = x0; x <= tile.x1; ++x) {
+      if (!bearing(x, y)->allFinite()) continue;
       tile.low = tile.low.cwiseMin(*bearing(x, y));
       tile.high = tile.high.cwiseMax(*bearing(x, y));
     }
+  const Vector2f* b = most_central_lit(tile);
+  if (b == nullptr) return tile;
   // The pixel's width of view from its solid angle; and room for the samples of border pixels.
-  const Vector2f* b = bearing((x0 + tile.x1) / 2, (y0 + tile.y1) / 2);
   const Vector2f right = b[1] - b[0], down = b[stride()] - b[0];
   const float area = std::abs(right.x() * down.y() - right.y() * down.x());
   tile.pixel_angle = std::sqrt(area / std::pow(b->homogeneous().squaredNorm(), 1.5f));
@@ -216,6 +233,7 @@ void Renderer::cast_tile(const View& view, const Tile& tile, const std::vector<C
                          Hits& hits) const {
   for (int y = tile.y0; y < tile.y1; ++y)
     for (int x = tile.x0; x < tile.x1; ++x) {
+      if (!is_lit(x, y)) continue;
       const Hit hit = view.caster.cast(view.R_world_cam * bearing(x, y)->homogeneous(), list.data(),
                                        list.data() + list.size());
       hits.depth.at<float>(y, x) = hit.depth;
@@ -244,6 +262,7 @@ void Renderer::shade_tile(const View& view, const Tile& tile, const std::vector<
                           const Hits& hits, cv::Mat& radiance) const {
   for (int y = tile.y0; y < tile.y1; ++y)
     for (int x = tile.x0; x < tile.x1; ++x) {
+      if (!is_lit(x, y)) continue;
       const Vector2f* b = bearing(x, y);
       const Hit hit{hits.depth.at<float>(y, x), hits.surface.at<int>(y, x)};
       radiance.at<float>(y, x) =
@@ -258,9 +277,10 @@ Rendering Renderer::render(const Scene& scene, const Eigen::Isometry3d& T_world_
   const View view{caster, T_world_cam.linear().cast<float>()};
   const auto lists = candidates_per_tile(scene, T_world_cam.inverse().cast<float>(), tiles_);
   const cv::Size size(camera_.width, camera_.height);
-  Hits hits{cv::Mat(size, CV_32FC1), cv::Mat(size, CV_32SC1)};
+  Hits hits{cv::Mat(size, CV_32FC1, cv::Scalar(kSkyDepth)),
+            cv::Mat(size, CV_32SC1, cv::Scalar(kNoSurface))};
   for (std::size_t t = 0; t < tiles_.size(); ++t) cast_tile(view, tiles_[t], lists[t], hits);
-  cv::Mat radiance(size, CV_32FC1);
+  cv::Mat radiance(size, CV_32FC1, cv::Scalar(0));
   for (std::size_t t = 0; t < tiles_.size(); ++t)
     shade_tile(view, tiles_[t], lists[t], hits, radiance);
   return {radiance, hits.depth};
@@ -283,9 +303,10 @@ cv::Mat Renderer::blur_by_motion(const Rendering& sharp, const CameraMotion& mot
   const float visible = shutter ? 0.35f : 0.1f;  // px; shorter paths blur less than the lens does
   const std::vector<Looks> table = looks_by_path(response.shape);
   const float duration = static_cast<float>(response.duration_s);
-  cv::Mat blurred(sharp.radiance.size(), CV_32FC1);
+  cv::Mat blurred(sharp.radiance.size(), CV_32FC1, cv::Scalar(0));
   for (int y = 0; y < camera_.height; ++y)
     for (int x = 0; x < camera_.width; ++x) {
+      if (!is_lit(x, y)) continue;
       const Vector2f path =
           duration * image_motion(bearing(x, y), sharp.depth.at<float>(y, x), motion);
       const float length = path.norm();

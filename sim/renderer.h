@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Ray casting through the true, distorted camera model: one ray through every pixel centre, more
-// where surfaces meet. What comes out is light (or temperature), not grey levels: the sensor models
-// (visual_camera.h, thermal_camera.h) turn it into images.
+// where surfaces meet. Pixels that the lens does not reach stay dark: where the distortion cannot
+// be inverted, or 72 degrees and more from the axis. What comes out is light (or temperature), not
+// grey levels: the sensor models (visual_camera.h, thermal_camera.h) turn it into images.
 #pragma once
 
 #include <Eigen/Core>
@@ -42,6 +43,10 @@ class Renderer {
  public:
   explicit Renderer(const CameraIntrinsics& camera);
 
+  [[nodiscard]] bool is_lit(int x, int y) const {
+    return (bearing(x, y)[0] + bearing(x, y)[1] + bearing(x, y)[stride()]).allFinite();
+  }
+
   [[nodiscard]] Rendering render(const Scene& scene, const Eigen::Isometry3d& T_world_cam) const;
 
   // What a sensor with this response sees: the mean along each pixel's own path.
@@ -68,6 +73,7 @@ class Renderer {
   [[nodiscard]] const Eigen::Vector2f* bearing(int x, int y) const {
     return &bearings_[static_cast<std::size_t>(y) * stride() + x];
   }
+  [[nodiscard]] const Eigen::Vector2f* most_central_lit(const Tile& tile) const;  // or null
   [[nodiscard]] Tile tile_at(int x0, int y0) const;
   void cast_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
                  Hits& hits) const;
@@ -81,7 +87,8 @@ class Renderer {
                                              const CameraMotion& motion) const;
 
   CameraIntrinsics camera_;
-  std::vector<Eigen::Vector2f> bearings_;  // of every pixel centre, (width + 1) x (height + 1)
+  std::vector<Eigen::Vector2f>
+      bearings_;  // of every pixel centre, (width + 1) x (height + 1); NaN: dark
   std::vector<Tile> tiles_;
 };
 

@@ -117,8 +117,34 @@ ThermalSensor thermal_sensor(const SimulationRequest& request) {
   return sensor;
 }
 
-CameraIntrinsics intrinsics_of(bool thermal) {
+CameraIntrinsics intrinsics_of(const SimulationRequest& request, bool thermal) {
+  if (request.camera) return *request.camera;
   return thermal ? thermal_intrinsics() : visual_intrinsics();
+}
+
+// What a thermal pixel without light would read, nobody says.
+void require_lit(const Renderer& renderer) {
+  const CameraIntrinsics& camera = renderer.camera();
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x)
+      if (!renderer.is_lit(x, y))
+        throw std::runtime_error(
+            "simulate: --camera: a thermal camera's lens has to reach all of its image, and does "
+            "not reach pixel (" +
+            std::to_string(x) + ", " + std::to_string(y) + ")");
+}
+
+ImuSensor imu_sensor(const SimulationRequest& request, bool thermal) {
+  ImuSensor sensor = thermal ? icm20608() : adis16448();
+  if (request.imu_noise) sensor.noise = *request.imu_noise;
+  if (request.imu_rate_hz) sensor.rate_hz = *request.imu_rate_hz;
+  return sensor;
+}
+
+// Whole hertz: stamps are not that even.
+double mean_rate_hz(const std::vector<ImuSample>& samples) {
+  const double span_s = seconds_between(samples.front().stamp_ns, samples.back().stamp_ns);
+  return std::round(static_cast<double>(samples.size() - 1) / span_s);
 }
 
 // 0 for flights one way.
@@ -259,11 +285,12 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
 
   const bool thermal = request.scenario == Scenario::kMarsYard;
   const auto scene = std::make_shared<const Scene>(make_scene(request, plans));
-  const auto renderer = std::make_shared<const Renderer>(intrinsics_of(thermal));
+  const auto renderer = std::make_shared<const Renderer>(intrinsics_of(request, thermal));
+  if (thermal) require_lit(*renderer);
   std::vector<DroneSimulation> drones;
   for (std::size_t i = 0; i < plans.size(); ++i) {
     const bool keeps_imu = i < recorded.size() && !recorded[i].imu.empty();
-    const ImuSensor sensor = thermal ? icm20608() : adis16448();
+    const ImuSensor sensor = imu_sensor(request, thermal);
     const std::uint64_t seed = request.seed * 1000 + i;
     DroneSimulation::Plan plan{plans[i],
                                keeps_imu ? recorded[i].states.front().stamp_ns : kStart_ns,
@@ -275,9 +302,11 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
                                seed,
                                {},
                                sensor.noise,
+                               sensor.rate_hz,
                                thermal ? "simulated ICM20608" : "simulated ADIS16448"};
     if (keeps_imu) {
       plan.imu = recorded_imu(recorded[i]);
+      plan.imu_rate_hz = mean_rate_hz(plan.imu.samples);
       plan.imu_comment = "recorded ADIS16448";
     } else {
       plan.imu = simulate_imu(plans[i].trajectory, sensor, seed, kStart_ns);

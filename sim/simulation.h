@@ -29,11 +29,14 @@ struct SimulationRequest {
   int agents = 0;         // 0: as the scenario says
   double duration_s = 0;  // s; 0: as the scenario or the recording says
   double camera_rate_hz = 30;
-  double lap_m = 0;             // m, see FlightRequest
-  int legs = 1;                 // see FlightRequest; visual cameras only
-  bool shutter_events = false;  // thermal cameras only
-  double least_span_k = 0;      // K, thermal cameras only: ThermalSensor::min_range_k; 0: its own
-  int texture_size = 4096;      // texels; smaller in quick tests
+  std::optional<CameraIntrinsics> camera;  // empty: the scenario's own
+  std::optional<ImuNoise> imu_noise;       // empty: the scenario's own; not of recorded IMUs
+  std::optional<double> imu_rate_hz;       // empty: 200
+  double lap_m = 0;                        // m, see FlightRequest
+  int legs = 1;                            // see FlightRequest; visual cameras only
+  bool shutter_events = false;             // thermal cameras only
+  double least_span_k = 0;  // K, thermal cameras only: ThermalSensor::min_range_k; 0: its own
+  int texture_size = 4096;  // texels; smaller in quick tests
   std::vector<RecordedFlight> recorded;
 };
 
@@ -56,6 +59,7 @@ class DroneSimulation {
     std::uint64_t seed = 1;
     ImuRecording imu;  // with true biases
     ImuNoise imu_noise;
+    double imu_rate_hz = 200;
     std::string imu_comment;
   };
 

@@ -6,6 +6,7 @@
 
 #include <fstream>
 #include <iterator>
+#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
@@ -177,6 +178,64 @@ TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
   EXPECT_THAT(simulate("room --raw16" + to), HasSubstr("mars_yard"));
   EXPECT_THAT(simulate("castle_parallel --shutter" + to), HasSubstr("--shutter is for thermal"));
   EXPECT_EQ(entries(folder.path()), 3u) << "only the csv files of this test";
+}
+
+std::string camera_yaml(const std::string& model, const std::string& focal_px,
+                        const std::string& distortion) {
+  return "comment: a lens of one's own\n"
+         "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+         "resolution: [200, 120]\ncamera_model: pinhole\n"
+         "intrinsics: [" +
+         focal_px + ", " + focal_px + ", 99.5, 59.5]\ndistortion_model: " + model +
+         "\ndistortion_coefficients: [" + distortion + "]\n";
+}
+
+const char* const kImuYaml =
+    "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+    "gyroscope_noise_density: 1.0e-3\ngyroscope_random_walk: 5.0e-5\n"
+    "accelerometer_noise_density: 1.5e-2\naccelerometer_random_walk: 1.0e-3\n";
+
+TEST(SimulateCommand, FliesOnesOwnCameraAndImu) {
+  const TemporaryFolder folder;
+  const fs::path camera =
+      folder.write("camera.yaml", camera_yaml("equidistant", "60", "-0.01, 0.002, 0, 0"));
+  const fs::path imu = folder.write("imu.yaml", kImuYaml);
+  const fs::path out = folder.path() / "castle";
+  ASSERT_EQ(simulate("castle_parallel --agents 1 --seconds 1 --rate 2 --imu-rate 100 --camera " +
+                     camera.string() + " --imu-noise " + imu.string() + " --out " + out.string()),
+            "");
+  const DroneFolder drone = find_drones(out).at(0);
+  const Dataset dataset = read_dataset(drone.mav0);
+  EXPECT_EQ(dataset.camera.width, 200);
+  EXPECT_EQ(dataset.camera.model, DistortionModel::kEquidistant);
+  EXPECT_EQ(dataset.camera.distortion[0], -0.01);
+  EXPECT_FALSE(dataset.extrinsics.p_imu_cam.isZero()) << "mounted as the scenario's";
+  EXPECT_EQ(dataset.imu_noise.gyro_density, 1e-3);
+  EXPECT_EQ(dataset.imu.size(), 101u);
+  EXPECT_THAT(bytes(drone.mav0 / "imu0" / "sensor.yaml"), HasSubstr("rate_hz: 100"));
+  // 95 degrees to each side at the ends of a row: dark; the middle is not.
+  const cv::Mat image = read_image(dataset.images.at(0), 200, 120);
+  const auto middle_row = [&](int from_x) {
+    return cv::mean(image(cv::Rect(from_x, 50, 10, 20)))[0];
+  };
+  EXPECT_LT(middle_row(0), 5);
+  EXPECT_GT(middle_row(95), 20);
+}
+
+TEST(SimulateCommand, CamerasAndImusThatCannotBeAreNamedAndLeaveNothing) {
+  const TemporaryFolder folder;
+  const std::string to = " --out " + (folder.path() / "out").string();
+  const fs::path odd = folder.write("odd.yaml", camera_yaml("fov", "60", "0, 0, 0, 0"));
+  EXPECT_THAT(simulate("room --camera " + odd.string() + to), HasSubstr("odd.yaml:7: unknown"));
+  const fs::path wide = folder.write("wide.yaml", camera_yaml("equidistant", "60", "0, 0, 0, 0"));
+  EXPECT_THAT(simulate("mars_yard --camera " + wide.string() + to),
+              HasSubstr("does not reach pixel (0, 0)"));
+  const fs::path truth = folder.write("truth.csv", truth_csv(41));
+  EXPECT_THAT(simulate("room --imu-rate 100 --trajectory " + truth.string() + " --imu " +
+                       truth.string() + to),
+              HasSubstr("--imu-rate are for simulated IMUs"));
+  EXPECT_THAT(simulate("room --imu-noise nowhere.yaml" + to), HasSubstr("nowhere.yaml"));
+  EXPECT_EQ(entries(folder.path()), 3u) << "only the files of this test";
 }
 
 TEST(SimulateCommand, UnknownScenariosAndRatesAreBadUsage) {
