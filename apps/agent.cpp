@@ -134,9 +134,7 @@ Agent::Agent(const AgentConfig& config, Dataset sensors, OnboardLink& onboard)
 Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
     : config_(config),
       dataset_(std::move(dataset)),
-      pipeline_(config,
-                {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise, dataset_.thermal},
-                std::exchange(dataset_.ground_truth, std::nullopt)),
+      pipeline_(config, sensors_of(dataset_), std::exchange(dataset_.ground_truth, std::nullopt)),
       link_(open_link(config)),
       onboard_(onboard),
       folder_(make_folder(config.agent)),

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <utility>
 
@@ -150,6 +151,19 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double t
   return a + t * (b - a);
 }
 
+// Empty where there is no such file.
+cv::Mat read_mask(const fs::path& file, const CameraIntrinsics& camera) {
+  if (!fs::exists(file)) return {};
+  cv::Mat mask = read_image({0, file}, camera.width, camera.height);
+  if (mask.depth() != CV_8U)
+    throw std::runtime_error(file.string() + ": a mask has 8 bits, black where no scene is seen");
+  mask = mask > 127;  // what was drawn by hand has soft edges
+  if (cv::countNonZero(mask) == 0)
+    throw std::runtime_error(file.string() +
+                             ": all of it is black, which says that no scene is seen anywhere");
+  return mask;
+}
+
 }  // namespace
 
 std::vector<DroneFolder> find_drones(const fs::path& folder) {
@@ -226,6 +240,7 @@ Dataset read_sensors(const fs::path& mav0) {
   dataset.camera = camera.intrinsics;
   dataset.extrinsics = camera.extrinsics;
   dataset.thermal = camera.thermal;
+  dataset.mask = read_mask(mav0 / "cam0" / "mask.png", camera.intrinsics);
   const fs::path imu_yaml = mav0 / "imu0" / "sensor.yaml";
   dataset.imu_noise = read_imu_file(imu_yaml);
   dataset.warnings = doubts_about(camera, camera_yaml);

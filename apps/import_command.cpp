@@ -173,8 +173,17 @@ std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs sh
 
 void copy_sensor_file(const Options& options, const fs::path& mav0, const char* sensor) {
   fs::create_directories(mav0 / sensor);
-  const fs::path file = fs::path(sensor) / "sensor.yaml";
-  fs::copy_file(fs::path(options.sensors) / file, mav0 / file);
+  for (const char* const name : {"sensor.yaml", "mask.png"}) {
+    const fs::path file = fs::path(sensor) / name;
+    if (fs::exists(options.sensors / file)) fs::copy_file(options.sensors / file, mav0 / file);
+  }
+}
+
+// A warning names a file by the folder it was in; this one it is in now.
+std::string with_name(std::string warning, const fs::path& was, const fs::path& is) {
+  const std::size_t place = warning.find(was.string());
+  return place == std::string::npos ? warning
+                                    : warning.replace(place, was.string().size(), is.string());
 }
 
 void import_bag(const Options& options) {
@@ -191,8 +200,10 @@ void import_bag(const Options& options) {
   const TimeNs shift_ns = import_images(bag, images, sensors.camera, options, mav0 / "cam0");
   write_imu_csv(mav0 / "imu0" / "data.csv", read_imu(bag, imu, shift_ns));
   const Dataset written = read_dataset(mav0);  // as whoever flies it will
+  const fs::path staged = folder.path();
   folder.commit();
-  for (const std::string& warning : written.warnings) spdlog::warn("{}", warning);
+  for (const std::string& warning : written.warnings)
+    spdlog::warn("{}", with_name(warning, staged, options.out));
   std::printf("%s: %zu images in %.1f s, %zu IMU samples\n", options.out.c_str(),
               written.images.size(),
               seconds_between(written.images.front().stamp_ns, written.images.back().stamp_ns),
@@ -215,8 +226,10 @@ void add_import_command(CLI::App& covey) {
       ->required()
       ->type_name("BAG");
   command
-      ->add_option("--sensors", options->sensors,
-                   "Folder with cam0/sensor.yaml and imu0/sensor.yaml, which are copied")
+      ->add_option(
+          "--sensors", options->sensors,
+          "Folder with cam0/sensor.yaml and imu0/sensor.yaml, and cam0/mask.png if there is "
+          "one, which are copied")
       ->required()
       ->type_name("DIR");
   command->add_option("--out", options->out, "The drone's folder to write; must not exist yet")

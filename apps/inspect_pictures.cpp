@@ -30,11 +30,17 @@ cv::Mat side_by_side(const cv::Mat& left, const cv::Mat& right) {
   return pair;
 }
 
-cv::Mat draw_tracks(const Picture& picture) {
+cv::Mat draw_tracks(const Picture& picture, const cv::Mat& mask) {
   constexpr int kRadius = 4, kShift = 4, kWidth = 2;  // px; binary digits of a fraction; px
   constexpr double kOne = 1 << kShift;
   cv::Mat drawing;
   cv::cvtColor(picture.grey, drawing, cv::COLOR_GRAY2RGB);
+  if (!mask.empty()) {
+    cv::Mat red;
+    cv::addWeighted(drawing, 0.4, cv::Mat(drawing.size(), CV_8UC3, cv::Scalar(200, 0, 0)), 0.6, 0,
+                    red);
+    red.copyTo(drawing, mask == 0);
+  }
   for (const DrawnTrack& track : picture.tracks) {
     const cv::Point centre(static_cast<int>(std::lround(track.pixel.x() * kOne)),
                            static_cast<int>(std::lround(track.pixel.y() * kOne)));

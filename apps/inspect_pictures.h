@@ -13,8 +13,9 @@ namespace covey {
 // Images of one height, with a gap between them.
 [[nodiscard]] cv::Mat side_by_side(const cv::Mat& left, const cv::Mat& right);
 
-// The paper's colours: blue SLAM tracks, orange MSCKF tracks, purple opportunistic ones.
-[[nodiscard]] cv::Mat draw_tracks(const Picture& picture);
+// The paper's colours: blue SLAM tracks, orange MSCKF tracks, purple opportunistic ones. What
+// `mask` (Dataset's, may be empty) leaves out is red.
+[[nodiscard]] cv::Mat draw_tracks(const Picture& picture, const cv::Mat& mask);
 
 // CV_32FC1, from -range (dark blue) to range (yellow), `size` large.
 [[nodiscard]] cv::Mat draw_field(const cv::Mat& field, double range, cv::Size size);

@@ -158,13 +158,14 @@ void write_pictures(const fs::path& folder, const Inspection& inspection) {
     const std::string name = "_" + std::to_string(i + 1) + ".png";
     const Picture& raw = inspection.raw.pictures[i];
     if (!inspection.calibrated) {
-      write_png((folder / ("tracks" + name)).string(), draw_tracks(raw));
+      write_png((folder / ("tracks" + name)).string(), draw_tracks(raw, inspection.dataset.mask));
       continue;
     }
     const Picture& calibrated = inspection.calibrated->pictures[i];
     write_png((folder / ("before_after" + name)).string(), side_by_side(raw.grey, calibrated.grey));
     write_png((folder / ("tracks" + name)).string(),
-              side_by_side(draw_tracks(calibrated), draw_tracks(raw)));
+              side_by_side(draw_tracks(calibrated, inspection.dataset.mask),
+                           draw_tracks(raw, inspection.dataset.mask)));
   }
 }
 

@@ -40,9 +40,7 @@ std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
 class Observer {
  public:
   Observer(const AgentConfig& config, const Dataset& dataset)
-      : pipeline_(config, {dataset.camera, dataset.extrinsics, dataset.imu_noise, dataset.thermal},
-                  dataset.ground_truth),
-        dataset_(dataset) {}
+      : pipeline_(config, sensors_of(dataset), dataset.ground_truth), dataset_(dataset) {}
 
   ImageResult fly(TimeNs stamp_ns, const cv::Mat& pixels) {
     add_imu_for(stamp_ns, dataset_.imu, next_imu_, pipeline_);

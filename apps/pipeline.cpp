@@ -85,20 +85,24 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from
   return q_from_to.normalized();
 }
 
+SensorSetup sensors_of(const Dataset& dataset) {
+  return {dataset.camera, dataset.extrinsics, dataset.imu_noise, dataset.thermal, dataset.mask};
+}
+
 Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                    std::optional<GroundTruth> truth)
     : config_(config),
       camera_(sensors.camera),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
       lag_estimator_(config.thermal.pixel_lag),
-      tracker_(tracker_config(config, sensors), sensors.camera),
+      tracker_(tracker_config(config, sensors), sensors.camera, sensors.mask),
       estimator_(estimator_config(config, sensors), thread_cpu_ms),
       calibration_at_start_{camera_, estimator_.extrinsics(),
                             calibration_sigma_at_start(config.estimator)} {
   status_.agent = config.agent.name;
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,
-                         cv::Size(sensors.camera.width, sensors.camera.height));
+                         cv::Size(sensors.camera.width, sensors.camera.height), sensors.mask);
     const PixelLagConfig& lag = config.thermal.pixel_lag;
     if (lag.time_constant_s > 0) pixel_lag_.emplace(sensors.camera);
   }

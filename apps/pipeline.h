@@ -35,7 +35,10 @@ struct SensorSetup {
   CameraExtrinsics extrinsics;
   ImuNoise imu_noise;
   bool thermal = false;  // the camera
+  cv::Mat mask;          // Dataset::mask
 };
+
+[[nodiscard]] SensorSetup sensors_of(const Dataset& dataset);
 
 // The camera as it is believed to be, and how sure that is: zero where nothing is calibrated.
 struct FoundCalibration {

@@ -56,10 +56,10 @@ class Surveyor {
       : name_(drone.name),
         dataset_(dataset),
         interval_ns_(nanoseconds(interval_s)),
-        tracker_(TrackerConfig(), dataset.camera) {
+        tracker_(TrackerConfig(), dataset.camera, dataset.mask) {
     if (is_calibrated(thermal, dataset.thermal)) {
       calibration_.emplace(PhotometricConfig(),
-                           cv::Size(dataset.camera.width, dataset.camera.height));
+                           cv::Size(dataset.camera.width, dataset.camera.height), dataset.mask);
     }
   }
 

@@ -223,8 +223,17 @@ std::optional<Counterpart> follow(const Texture& block, const Eigen::Vector2d& h
 
 }  // namespace
 
-cv::Mat square_means(const cv::Mat& image) {
-  return image.depth() == CV_8U ? means<std::uint8_t>(image) : means<std::uint16_t>(image);
+cv::Mat square_means(const cv::Mat& image, const cv::Mat& mask) {
+  cv::Mat levels =
+      image.depth() == CV_8U ? means<std::uint8_t>(image) : means<std::uint16_t>(image);
+  if (mask.empty()) return levels;
+  for (int y = 0; y < levels.rows; ++y)
+    for (int x = 0; x < levels.cols; ++x) {
+      const cv::Rect square(x * Sight::kStep, y * Sight::kStep, Sight::kStep, Sight::kStep);
+      if (cv::countNonZero(mask(square)) < square.area())
+        levels.at<float>(y, x) = std::numeric_limits<float>::quiet_NaN();
+    }
+  return levels;
 }
 
 std::vector<FieldDifference> compare_blocks(const Sight& before, const Sight& now,

@@ -30,9 +30,9 @@ struct Sight {
   std::vector<TrackGrey> tracks;   // by patch
 };
 
-// Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white) has no
-// mean: NaN.
-[[nodiscard]] cv::Mat square_means(const cv::Mat& image);
+// Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white), or that
+// `mask` (as the tracker's) leaves out, has no mean: NaN.
+[[nodiscard]] cv::Mat square_means(const cv::Mat& image, const cv::Mat& mask = cv::Mat());
 
 // Half the blocks lie on the grid now, the other half did before, as on a chessboard. A block's
 // counterpart is interpolated and so has a little less contrast: were it always the earlier one,

@@ -59,8 +59,9 @@ std::vector<Eigen::Vector2d> refine(const cv::Mat& image, const std::vector<cv::
 
 }  // namespace
 
-CornerGrid::CornerGrid(const CornerConfig& config, cv::Size image_size, int max_tracks)
-    : config_(config), image_size_(image_size), max_tracks_(max_tracks) {
+CornerGrid::CornerGrid(const CornerConfig& config, cv::Size image_size, int max_tracks,
+                       const cv::Mat& usable)
+    : config_(config), image_size_(image_size), usable_(usable), max_tracks_(max_tracks) {
   const double side = std::sqrt(static_cast<double>(image_size.area()) / std::max(1, max_tracks));
   columns_ = std::max(1, static_cast<int>(std::lround(image_size.width / side)));
   rows_ = std::max(1, static_cast<int>(std::lround(image_size.height / side)));
@@ -111,6 +112,7 @@ void CornerGrid::find_in_cell(const cv::Mat& image, Cell& cell, const cv::Rect& 
     if (candidates.size() == kMaxCandidates) break;
     const cv::Point pixel(looked_at.x + static_cast<int>(keypoint.pt.x),
                           looked_at.y + static_cast<int>(keypoint.pt.y));
+    if (!usable_.empty() && usable_.at<std::uint8_t>(pixel) == 0) continue;
     if (!far_from_all(existing, pixel, config_.min_distance)) continue;
     const float eigenvalue = smaller_eigenvalue(image, pixel);
     if (eigenvalue >= config_.min_eigenvalue) candidates.push_back({pixel, eigenvalue, 0});

@@ -25,8 +25,10 @@ struct CornerConfig {
 
 class CornerGrid {
  public:
-  // Cells are sized so that `max_tracks` of them cover the image.
-  CornerGrid(const CornerConfig& config, cv::Size image_size, int max_tracks);
+  // Cells are sized so that `max_tracks` of them cover the image. `usable`: CV_8UC1, zero where no
+  // corner may be; empty: nowhere.
+  CornerGrid(const CornerConfig& config, cv::Size image_size, int max_tracks,
+             const cv::Mat& usable = cv::Mat());
 
   // At most `wanted` corners, away from each other and from those that exist, best first.
   [[nodiscard]] std::vector<Eigen::Vector2d> detect(const cv::Mat& image,
@@ -55,6 +57,7 @@ class CornerGrid {
 
   CornerConfig config_;
   cv::Size image_size_;
+  cv::Mat usable_;
   int max_tracks_;
   int columns_ = 0, rows_ = 0;
   std::vector<Cell> cells_;  // row by row

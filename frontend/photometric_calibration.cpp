@@ -169,8 +169,10 @@ bool plausible(const std::vector<int>& levels) {
 
 }  // namespace
 
-PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size)
+PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size,
+                                               const cv::Mat& mask)
     : config_(config),
+      mask_(mask),
       shutter_(config.shutter),
       gain_(config.gain),
       field_(config.field, image_size),
@@ -312,7 +314,7 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
 
 // The current image as the field is looked for in it.
 Sight PhotometricCalibration::sight() const {
-  Sight sight{square_means(image_), seen_};
+  Sight sight{square_means(image_, mask_), seen_};
   for (const cv::Point& bad : bad_pixels_) {
     const cv::Point square = bad / Sight::kStep;
     if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;

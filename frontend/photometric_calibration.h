@@ -64,7 +64,9 @@ struct PatchLevel {
 
 class PhotometricCalibration {
  public:
-  PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size);
+  // `mask`: as the tracker's; the field is not looked for where it is zero.
+  PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size,
+                         const cv::Mat& mask = cv::Mat());
 
   // `image`: CV_8UC1 or CV_16UC1 in time order; not copied, its buffer must stay as it is until
   // observe() has returned. What is given back has a buffer of its own, never written again.
@@ -99,6 +101,7 @@ class PhotometricCalibration {
   [[nodiscard]] std::vector<int> levels() const;
 
   PhotometricConfig config_;
+  cv::Mat mask_;
   ShutterDetector shutter_;
   TemporalGain gain_;
   SpatialField field_;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -86,11 +87,27 @@ void check(const CameraIntrinsics& camera, const cv::Mat& pixels) {
   }
 }
 
+void check_mask(const CameraIntrinsics& camera, const cv::Mat& mask) {
+  if (mask.empty()) return;
+  if (mask.type() != CV_8UC1 || mask.cols != camera.width || mask.rows != camera.height)
+    throw std::runtime_error("tracker: the mask is not 8-bit grey of the camera's size");
+}
+
+// Where a whole patch shows the scene.
+cv::Mat patch_centres(const cv::Mat& mask) {
+  cv::Mat centres;
+  if (mask.empty()) return centres;
+  constexpr int kSide = 2 * kLeastBorder + 1;
+  cv::erode(mask, centres, cv::getStructuringElement(cv::MORPH_RECT, {kSide, kSide}));
+  return centres;
+}
+
 }  // namespace
 
 struct Tracker::Impl {
   TrackerConfig config;
   CameraIntrinsics camera;
+  cv::Mat usable;  // patch_centres
   CornerGrid corners;
   ImagePyramid current;
   std::vector<Track> tracks;  // oldest first
@@ -101,11 +118,13 @@ struct Tracker::Impl {
   std::array<Eigen::Matrix3d, kHistory> rotations;
   std::array<TimeNs, kHistory> stamps{};
 
-  Impl(const TrackerConfig& tracker_config, const CameraIntrinsics& intrinsics)
+  Impl(const TrackerConfig& tracker_config, const CameraIntrinsics& intrinsics,
+       const cv::Mat& patch_centres)
       : config(tracker_config),
         camera(intrinsics),
+        usable(patch_centres),
         corners(tracker_config.corners, {intrinsics.width, intrinsics.height},
-                tracker_config.max_tracks) {
+                tracker_config.max_tracks, patch_centres) {
     rotations.fill(Eigen::Matrix3d::Identity());
   }
 
@@ -142,12 +161,19 @@ struct Tracker::Impl {
     track.coarse_shift.reset();
   }
 
+  bool is_usable(const Eigen::Vector2d& pixel) const {
+    const cv::Point nearest(static_cast<int>(std::lround(pixel.x())),
+                            static_cast<int>(std::lround(pixel.y())));
+    return usable.empty() || (nearest.inside(cv::Rect({0, 0}, usable.size())) &&
+                              usable.at<std::uint8_t>(nearest) != 0);
+  }
+
   bool follow(Track& track, const Turned& turned, double dt) {
     PatchPlace start;
     start.pixel = turned.pixel + dt * track.velocity;
     start.affine = turned.J * track.place.affine;
     const std::optional<PatchFit> found = find(track.patch, start, track.length > 1);
-    if (!found) return false;
+    if (!found || !is_usable(found->place.pixel)) return false;
     const auto bearing = unproject(camera, found->place.pixel);
     if (!bearing) return false;
     track.place = found->place;
@@ -301,9 +327,10 @@ CameraMeasurement to_measurement(const TrackedFrame& frame) {
   return measurement;
 }
 
-Tracker::Tracker(const TrackerConfig& config, const CameraIntrinsics& camera) {
+Tracker::Tracker(const TrackerConfig& config, const CameraIntrinsics& camera, const cv::Mat& mask) {
   check(config, camera);
-  impl_ = std::make_unique<Impl>(config, camera);
+  check_mask(camera, mask);
+  impl_ = std::make_unique<Impl>(config, camera, patch_centres(mask));
 }
 Tracker::~Tracker() = default;
 Tracker::Tracker(Tracker&&) noexcept = default;

@@ -82,7 +82,10 @@ struct TrackedFrame {
 
 class Tracker {
  public:
-  Tracker(const TrackerConfig& config, const CameraIntrinsics& camera);
+  // `mask`: CV_8UC1 of the camera's size, zero where it never sees the scene: legs, propellers,
+  // what lies outside a fisheye's circle; empty: nowhere. Nothing is tracked there.
+  Tracker(const TrackerConfig& config, const CameraIntrinsics& camera,
+          const cv::Mat& mask = cv::Mat());
   ~Tracker();
   Tracker(Tracker&&) noexcept;
   Tracker& operator=(Tracker&&) noexcept;

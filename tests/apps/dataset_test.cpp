@@ -372,6 +372,27 @@ TEST_F(DatasetTest, AnImageThatDoesNotDecodeIsNamed) {
       ThrowsMessage<std::runtime_error>(HasSubstr("a.png")));
 }
 
+TEST_F(DatasetTest, AMaskIsReadWhereThereIsOne) {
+  EXPECT_TRUE(read_dataset(mav0()).mask.empty());
+  cv::Mat drawn(48, 64, CV_8UC1, cv::Scalar(255));
+  drawn.rowRange(40, 48).setTo(3);  // not quite black, as soft brushes leave it
+  const std::string file = (mav0() / "cam0" / "mask.png").string();
+  write_png(file, drawn);
+  const cv::Mat mask = read_dataset(mav0()).mask;
+  EXPECT_EQ(cv::countNonZero(mask), 40 * 64);
+  EXPECT_EQ(mask.at<unsigned char>(40, 0), 0);
+}
+
+TEST_F(DatasetTest, AMaskThatDoesNotFitIsNamed) {
+  const std::string file = (mav0() / "cam0" / "mask.png").string();
+  write_png(file, cv::Mat(64, 48, CV_8UC1, cv::Scalar(255)));
+  expect_refused("mask.png", "64x48");
+  write_png(file, cv::Mat(48, 64, CV_8UC1, cv::Scalar(0)));
+  expect_refused("mask.png", "all of it is black");
+  write_png(file, cv::Mat(48, 64, CV_16UC1, cv::Scalar(65535)));
+  expect_refused("mask.png", "8 bits");
+}
+
 TEST(Dataset, ARecordedFlightIsRead) {
   const fs::path mav0 = fs::path(COVEY_SHARED_DATA_DIR) / "euroc_v1_01_start" / "mav0";
   if (!fs::exists(mav0)) GTEST_SKIP() << "no recorded data at " << mav0;

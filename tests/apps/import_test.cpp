@@ -16,6 +16,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -23,6 +24,7 @@
 #include "apps/bag.h"
 #include "apps/camera_pixels.h"
 #include "apps/dataset.h"
+#include "apps/png_file.h"
 #include "comms/onboard_messages.h"
 #include "sim/dataset_writer.h"
 #include "tests/apps/command_run.h"
@@ -221,6 +223,15 @@ TEST_F(Import, WhatWasRecordedIsInTheFolder) {
   EXPECT_EQ(dataset.imu.front().stamp_ns, sample_at(-10).stamp_ns);
   EXPECT_LT((dataset.imu[30].gyro_imu - sample_at(20).gyro_imu).norm(), 1e-9);
   EXPECT_LT((dataset.imu[30].accel_imu - sample_at(20).accel_imu).norm(), 1e-9);
+}
+
+TEST_F(Import, TheCamerasMaskGoesWithItsCalibration) {
+  record("flight_0.db3", 0, 5);
+  cv::Mat mask(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+  mask.row(0).setTo(0);
+  write_png((sensors() / "cam0" / "mask.png").string(), mask);
+  run_command(command());
+  EXPECT_EQ(cv::countNonZero(read_dataset(out() / "mav0").mask), kWidth * (kHeight - 1));
 }
 
 TEST_F(Import, SixteenBitsStaySixteenBits) {

@@ -76,7 +76,7 @@ TEST(Inspect, DrawsTracksInThePapersColours) {
   picture.tracks = {{{20, 20}, TrackKind::kSlam},
                     {{45, 20}, TrackKind::kMsckf},
                     {{70, 20}, TrackKind::kOpportunistic}};
-  const cv::Mat drawing = draw_tracks(picture);
+  const cv::Mat drawing = draw_tracks(picture, cv::Mat());
   const auto colour = [&](int x) { return drawing.at<cv::Vec3b>(20, x + 4); };  // on the ring
   EXPECT_GT(colour(20)[2], 200) << "blue";
   EXPECT_LT(colour(20)[0], 100);
@@ -85,6 +85,15 @@ TEST(Inspect, DrawsTracksInThePapersColours) {
   EXPECT_GT(colour(70)[2], colour(70)[1] + 100) << "purple";
   EXPECT_GT(colour(70)[0], colour(70)[1] + 80);
   EXPECT_EQ(drawing.at<cv::Vec3b>(20, 20), cv::Vec3b(0, 0, 0)) << "the corner itself stays free";
+}
+
+TEST(Inspect, ShowsWhatTheMaskLeavesOut) {
+  const Picture picture{0, cv::Mat(40, 90, CV_8UC1, cv::Scalar(100)), {}};
+  cv::Mat mask(40, 90, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, 10).setTo(0);
+  const cv::Mat drawing = draw_tracks(picture, mask);
+  EXPECT_EQ(drawing.at<cv::Vec3b>(20, 9), cv::Vec3b(160, 40, 40));
+  EXPECT_EQ(drawing.at<cv::Vec3b>(20, 10), cv::Vec3b(100, 100, 100));
 }
 
 TEST(CornerHistogram, ContrastMovesItToStrongerResponses) {

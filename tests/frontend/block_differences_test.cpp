@@ -128,6 +128,15 @@ TEST(BlockDifferences, SquaresAreMeansAndHaveNoneWithABlackOrWhitePixel) {
   EXPECT_EQ(square_means(wide).at<float>(0, 0), 29500);
 }
 
+TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
+  const cv::Mat image(8, 12, CV_8UC1, cv::Scalar(100));
+  cv::Mat mask(8, 12, CV_8UC1, cv::Scalar(255));
+  mask.at<std::uint8_t>(3, 8) = 0;
+  const cv::Mat means = square_means(image, mask);
+  EXPECT_TRUE(std::isnan(means.at<float>(0, 2)));
+  EXPECT_EQ(cv::countNonZero(means == 100), 5);
+}
+
 TEST(BlockDifferences, ASensorOfFourteenBitsSaturatesBelowItsImagesWhite) {
   cv::Mat image(4, 8, CV_16UC1, cv::Scalar(9000));
   image.at<std::uint16_t>(2, 6) = 16383;

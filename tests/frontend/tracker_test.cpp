@@ -45,8 +45,8 @@ int count_longer_than(const TrackedFrame& frame, int images) {
 // Tracks a scene and remembers where each track's point truly lies.
 class Flight {
  public:
-  explicit Flight(const TrackerConfig& config = small_config())
-      : scene(small_camera()), tracker(config, small_camera()) {}
+  explicit Flight(const TrackerConfig& config = small_config(), const cv::Mat& mask = cv::Mat())
+      : scene(small_camera()), tracker(config, small_camera(), mask) {}
 
   TrackedFrame step(const CameraPose& pose, const cv::Mat& image) {
     const Eigen::Matrix3d R = rotation_between(previous_, pose);
@@ -175,6 +175,29 @@ TEST(Tracker, EndsTracksOnAThingThatMovesByItself) {
     }
   }
   EXPECT_LE(on_intruder, 2);
+}
+
+// The drone's own legs: what lies behind them comes out again, they never move.
+TEST(Tracker, TracksNothingWhereItsMaskIsBlack) {
+  const cv::Rect leg(120, 0, 60, 240);
+  cv::Mat mask(240, 320, CV_8UC1, cv::Scalar(255));
+  mask(leg).setTo(0);
+  cv::Mat texture;
+  testing_view::random_texture(384, 99)(cv::Rect(0, 0, 60, 240)).convertTo(texture, CV_8U);
+  Flight flight(small_config(), mask);
+  std::size_t fewest = 1000;
+  for (int k = 0; k < 30; ++k) {
+    const CameraPose pose = swaying_pose(frame_time(k));
+    cv::Mat image = flight.scene.image(pose, 1.5, k + 1);
+    texture.copyTo(image(leg));
+    const TrackedFrame frame = flight.step(pose, image);
+    fewest = std::min(fewest, frame.features.size());
+    for (const TrackedFeature& feature : frame.features) {
+      const double x = feature.pixel.x();
+      EXPECT_TRUE(x < leg.x - 3 || x > leg.x + leg.width + 3) << "image " << k << ", column " << x;
+    }
+  }
+  EXPECT_GE(fewest, 50U);
 }
 
 TEST(Tracker, NeverUsesAnIdAgain) {
@@ -334,6 +357,8 @@ TEST(Tracker, RefusesASettingThatCannotWork) {
   far_back.outliers.max_lag = 100;
   EXPECT_THROW(Tracker(far_back, small_camera()), std::runtime_error);
   EXPECT_THROW(Tracker(small_config(), CameraIntrinsics()), std::runtime_error);
+  const cv::Mat other_size(240, 100, CV_8UC1, cv::Scalar(255));
+  EXPECT_THROW(Tracker(small_config(), small_camera(), other_size), std::runtime_error);
 }
 
 TEST(Tracker, CovarianceOfABearingIsThatOfThePixelThroughTheLens) {
