@@ -240,6 +240,7 @@ Dataset read_sensors(const fs::path& mav0) {
   dataset.camera = camera.intrinsics;
   dataset.extrinsics = camera.extrinsics;
   dataset.thermal = camera.thermal;
+  dataset.line_delay_s = camera.line_delay_s;
   dataset.mask = read_mask(mav0 / "cam0" / "mask.png", camera.intrinsics);
   const fs::path imu_yaml = mav0 / "imu0" / "sensor.yaml";
   dataset.imu_noise = read_imu_file(imu_yaml);

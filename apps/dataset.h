@@ -43,8 +43,9 @@ struct ImuGap {
 struct Dataset {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
-  bool thermal = false;  // the camera: by its sensor.yaml, or because its images have 16 bits
-  cv::Mat mask;          // CV_8UC1, from cam0/mask.png: zero where no scene is seen; may be empty
+  bool thermal = false;     // the camera: by its sensor.yaml, or because its images have 16 bits
+  double line_delay_s = 0;  // CameraCalibration's
+  cv::Mat mask;  // CV_8UC1, from cam0/mask.png: zero where no scene is seen; may be empty
   ImuNoise imu_noise;
   std::vector<ImageEntry> images;  // stamps strictly increasing
   std::vector<ImuSample> imu;      // stamps strictly increasing

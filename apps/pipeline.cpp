@@ -86,13 +86,42 @@ Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from
 }
 
 SensorSetup sensors_of(const Dataset& dataset) {
-  return {dataset.camera, dataset.extrinsics, dataset.imu_noise, dataset.thermal, dataset.mask};
+  return {dataset.camera,  dataset.extrinsics, dataset.imu_noise,
+          dataset.thermal, dataset.mask,       dataset.line_delay_s};
+}
+
+Turn turn_at(const std::vector<ImuSample>& imu, TimeNs moment_ns,
+             const Eigen::Vector3d& gyro_bias) {
+  constexpr double kFitted_s = 0.022;
+  double count = 0, t = 0, tt = 0;
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero(), rate_t = Eigen::Vector3d::Zero();
+  for (const ImuSample& sample : imu) {
+    const double time_s = seconds_between(moment_ns, sample.stamp_ns);
+    if (time_s < -kFitted_s) continue;
+    const Eigen::Vector3d turned = sample.gyro_imu - gyro_bias;
+    count += 1;
+    t += time_s;
+    tt += time_s * time_s;
+    rate += turned;
+    rate_t += time_s * turned;
+  }
+  Turn turn;
+  if (count == 0) return turn;
+  if (count < 3) {
+    turn.rate = rate / count;
+    return turn;
+  }
+  const double determinant = count * tt - t * t;
+  turn.rate = (tt * rate - t * rate_t) / determinant;
+  turn.acceleration = (count * rate_t - t * rate) / determinant;
+  return turn;
 }
 
 Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
                    std::optional<GroundTruth> truth)
     : config_(config),
       camera_(sensors.camera),
+      line_delay_s_(sensors.line_delay_s),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
       lag_estimator_(config.thermal.pixel_lag),
       tracker_(tracker_config(config, sensors), sensors.camera, sensors.mask),
@@ -103,9 +132,9 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
   if (is_calibrated(config.thermal.mode, sensors.thermal)) {
     calibration_.emplace(config.thermal.photometric,
                          cv::Size(sensors.camera.width, sensors.camera.height), sensors.mask);
-    const PixelLagConfig& lag = config.thermal.pixel_lag;
-    if (lag.time_constant_s > 0) pixel_lag_.emplace(sensors.camera);
+    lags_ = config.thermal.pixel_lag.time_constant_s > 0;
   }
+  if (lags_ || line_delay_s_ != 0) pixel_lag_.emplace(sensors.camera, line_delay_s_);
   if (config.agent.mode == FlightMode::kCollaborative) {
     const std::string& vocabulary = config.agent.vocabulary;
     const std::string suits = sensors.thermal ? "thermal" : "visual";
@@ -169,9 +198,13 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
 
 cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
                            const Eigen::Matrix3d& R_cam_previous, ImageResult& result) {
-  if (!calibration_) return to_grey8(pixels);
-  const StageTimer timer(result.timing.thermal_ms);
+  if (!calibration_ && !pixel_lag_) return to_grey8(pixels);
   const std::vector<TrackPlace> expected = tracker_.predict(stamp_ns, R_cam_previous);
+  if (!calibration_) {
+    const StageTimer timer(result.timing.track_ms);
+    return without_lag(stamp_ns, to_grey8(pixels), expected);
+  }
+  const StageTimer timer(result.timing.thermal_ms);
   result.calibrated = calibration_->correct(stamp_ns, pixels, expected);
   result.content = result.calibrated->content;
   if (pixel_lag_ && result.content == ImageContent::kScene) {
@@ -180,16 +213,30 @@ cv::Mat Pipeline::prepared(TimeNs stamp_ns, const cv::Mat& pixels,
   return result.calibrated->pixels;
 }
 
+Eigen::Vector3d Pipeline::mean_rate(TimeNs moment_ns, double over_s) const {
+  const TimeNs from_ns = moment_ns - nanoseconds(over_s);
+  return log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias())) / over_s;
+}
+
 cv::Mat Pipeline::without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                               const std::vector<TrackPlace>& expected) {
   const TimeNs moment_ns = imu_moment(stamp_ns);
-  const double lag_s = config_.thermal.pixel_lag.time_constant_s;
-  const TimeNs from_ns = moment_ns - nanoseconds(lag_s);
-  const Eigen::Vector3d turned_imu =
-      log_quaternion(integrate_gyro(recent_imu_, from_ns, moment_ns, gyro_bias()));
-  pixel_lag_->set_motion(estimator_.extrinsics().q_imu_cam.inverse() * turned_imu / lag_s,
-                         expected);
-  return pixel_lag_->taken_out(grey, lag_estimator_.time_constant_s());
+  const Turn turn_imu = line_delay_s_ != 0
+                            ? turn_at(recent_imu_, moment_ns, gyro_bias())
+                            : Turn{mean_rate(moment_ns, config_.thermal.pixel_lag.time_constant_s),
+                                   Eigen::Vector3d::Zero()};
+  const Eigen::Quaterniond q_cam_imu = estimator_.extrinsics().q_imu_cam.inverse();
+  pixel_lag_->set_motion({q_cam_imu * turn_imu.rate, q_cam_imu * turn_imu.acceleration}, expected);
+  return pixel_lag_->taken_out(grey, lags_ ? lag_estimator_.time_constant_s() : 0);
+}
+
+void Pipeline::bring_to_the_stamp(TrackedFrame& frame) const {
+  const std::vector<TrackPlace> places = tracker_.places();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    TrackedFeature& feature = frame.features[i];
+    const auto bearing = unproject(camera_, feature.pixel - pixel_lag_->taken_too_far(places[i]));
+    if (bearing) feature.bearing = *bearing;
+  }
 }
 
 TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
@@ -198,12 +245,13 @@ TrackedFrame Pipeline::track(TimeNs stamp_ns, const cv::Mat& grey,
   {
     const StageTimer timer(result.timing.track_ms);
     frame = tracker_.track(stamp_ns, grey, R_cam_previous);
+    if (line_delay_s_ != 0) bring_to_the_stamp(frame);
   }
   if (calibration_) {
     const StageTimer timer(result.timing.thermal_ms);
     const std::vector<TrackPlace> places = tracker_.places();
     calibration_->observe(places);
-    if (pixel_lag_) lag_estimator_.learn(stamp_ns, places, *pixel_lag_);
+    if (lags_) lag_estimator_.learn(stamp_ns, places, *pixel_lag_);
   }
   result.timing.tracks = static_cast<std::int64_t>(frame.features.size());
   result.tracks_begun = frame.added;

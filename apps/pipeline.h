@@ -30,12 +30,17 @@ namespace covey {
 [[nodiscard]] Eigen::Quaterniond integrate_gyro(const std::vector<ImuSample>& imu, TimeNs from_ns,
                                                 TimeNs to_ns, const Eigen::Vector3d& gyro_bias);
 
+// How the IMU turns, in imu: a line through the gyro's newest samples.
+[[nodiscard]] Turn turn_at(const std::vector<ImuSample>& imu, TimeNs moment_ns,
+                           const Eigen::Vector3d& gyro_bias);
+
 struct SensorSetup {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
   ImuNoise imu_noise;
-  bool thermal = false;  // the camera
-  cv::Mat mask;          // Dataset::mask
+  bool thermal = false;     // the camera
+  cv::Mat mask{};           // Dataset::mask
+  double line_delay_s = 0;  // CameraCalibration's
 };
 
 [[nodiscard]] SensorSetup sensors_of(const Dataset& dataset);
@@ -114,7 +119,7 @@ class Pipeline {
   [[nodiscard]] std::size_t imu_samples_kept() const { return recent_imu_.size(); }
   // As it is estimated; nothing when it is not taken out of images.
   [[nodiscard]] std::optional<double> pixel_lag_s() const {
-    return pixel_lag_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
+    return lags_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
   }
   // As the flight has shown it by now, and as the dataset and the settings had it.
   [[nodiscard]] FoundCalibration found_calibration() const;
@@ -146,6 +151,10 @@ class Pipeline {
   [[nodiscard]] Eigen::Matrix3d predicted_rotation(const Eigen::Quaterniond& q_scene_now) const;
   [[nodiscard]] cv::Mat without_lag(TimeNs stamp_ns, const cv::Mat& grey,
                                     const std::vector<TrackPlace>& expected);
+  // Of the IMU, rad/s, before a moment.
+  [[nodiscard]] Eigen::Vector3d mean_rate(TimeNs moment_ns, double over_s) const;
+  // Of a rolling shutter: tracks that move otherwise than the image around them was moved.
+  void bring_to_the_stamp(TrackedFrame& frame) const;
   [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, TimingRecord& timing);
   void calibrate(TrackedFrame& frame);
   void keep_filter(std::uint64_t keyframe_id);
@@ -156,10 +165,12 @@ class Pipeline {
 
   AgentConfig config_;
   CameraIntrinsics camera_;  // as the dataset has it
+  double line_delay_s_;      // likewise
   Initialisation initialisation_;
   std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
-  std::optional<PixelLag> pixel_lag_;                  // likewise
+  bool lags_ = false;                                  // its pixels do, and that is taken out
   LagEstimator lag_estimator_;
+  std::optional<PixelLag> pixel_lag_;  // of pixels that lag, or rows that look one by one
   Tracker tracker_;
   Estimator estimator_;
   FoundCalibration calibration_at_start_;

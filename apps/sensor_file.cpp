@@ -199,6 +199,7 @@ CameraCalibration read_camera_file(const std::filesystem::path& yaml) {
   calibration.extrinsics.p_imu_cam = T_imu_cam.translation();
   // Kalibr's name: t_imu = t_camera + shift.
   calibration.extrinsics.time_offset_s = file.optional_number("timeshift_cam_imu").value_or(0.0);
+  calibration.line_delay_s = file.optional_number("line_delay").value_or(0.0);
   calibration.thermal = names_thermal_camera(file.optional_text("comment"));
   return calibration;
 }
@@ -239,6 +240,9 @@ std::vector<std::string> doubts_about(const CameraCalibration& camera,
     doubt(fmt::format("intrinsics: the principal point ({:.4g}, {:.4g}) lies outside the image",
                       lens.cx, lens.cy));
   }
+  constexpr double kSlowest_s = 0.1;  // of an image that is read row by row
+  if (const double read_s = std::abs(camera.line_delay_s) * lens.height; read_s > kSlowest_s)
+    doubt(fmt::format("line_delay: it takes {:.3g} s to read an image: is it in seconds?", read_s));
   return doubts;
 }
 

@@ -16,6 +16,9 @@ struct CameraCalibration {
   CameraIntrinsics intrinsics;
   CameraExtrinsics extrinsics;  // the body is the IMU
   bool thermal = false;         // its comment says so
+  // s, by which each row of pixels looks later than the one above it (rolling shutter); stamps are
+  // of the middle row.
+  double line_delay_s = 0;
 };
 
 // What can hardly be meant, one line each: units or fields that were mixed up, most often. `file`:

@@ -170,6 +170,7 @@ void read_sensor_files(Options& options) {
     const CameraCalibration camera = read_camera_file(options.camera);
     for (const std::string& doubt : doubts_about(camera, options.camera)) spdlog::warn("{}", doubt);
     options.request.camera = camera.intrinsics;
+    options.request.line_delay_s = camera.line_delay_s;
   }
   if (!options.imu_noise.empty()) {
     options.request.imu_noise = read_imu_file(options.imu_noise);

@@ -64,14 +64,25 @@ void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vec
   }
 }
 
+// Written so that what is no number moves nothing.
+Eigen::Vector2f no_longer_than_the_margin(const Eigen::Vector2f& path) {
+  const float length = path.norm();
+  return length > 0 ? Eigen::Vector2f(path * std::min(1.0F, kLongest / length))
+                    : Eigen::Vector2f(Eigen::Vector2f::Zero());
+}
+
 }  // namespace
 
-PixelLag::PixelLag(const CameraIntrinsics& camera)
+PixelLag::PixelLag(const CameraIntrinsics& camera, double line_delay_s)
     : columns_((camera.width + kCell - 1) / kCell + 1),
       rows_((camera.height + kCell - 1) / kCell + 1),
-      flows_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
-             Eigen::Vector2f::Zero()),
-      paths_(flows_),
+      line_delay_s_(line_delay_s),
+      middle_row_(0.5 * (camera.height - 1)),
+      velocities_(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
+                  Eigen::Vector2f::Zero()),
+      flows_(velocities_),
+      smears_(velocities_),
+      moves_(velocities_),
       readout_(camera.height + 2 * kMargin, camera.width + 2 * kMargin, CV_16SC1, cv::Scalar(0)) {
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
@@ -85,19 +96,22 @@ PixelLag::PixelLag(const CameraIntrinsics& camera)
   }
 }
 
-void PixelLag::set_motion(const Eigen::Vector3d& rate_cam, const std::vector<TrackPlace>& tracks) {
+void PixelLag::set_motion(const Turn& turn, const std::vector<TrackPlace>& tracks) {
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    const Eigen::Vector2d flow =
-        nodes_[i].flow_rate * rate_cam + mean_velocity(nodes_[i].pixel, tracks);
-    flows_[i] = flow.cast<float>();
+    const Node& node = nodes_[i];
+    const Eigen::Vector2d velocity = mean_velocity(node.pixel, tracks);
+    // Until the row looks the camera turns at the mean of then and now.
+    const Eigen::Vector3d rate = turn.rate + 0.5 * later_s(node.pixel.y()) * turn.acceleration;
+    velocities_[i] = velocity.cast<float>();
+    flows_[i] = (node.flow_rate * rate + velocity).cast<float>();
   }
 }
 
-Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
+Eigen::Vector2d PixelLag::between_nodes(const AtNodes& values, const Eigen::Vector2d& pixel) const {
   const Eigen::Array2d last(columns_ - 1, rows_ - 1);
   const Eigen::Array2d place = (pixel.array() / kCell).max(0.0).min(last - 1e-6);
   const Eigen::Array2d whole = place.floor(), part = place - whole;
-  const Eigen::Vector2f* top = flows_.data() + static_cast<std::ptrdiff_t>(whole.y()) * columns_ +
+  const Eigen::Vector2f* top = values.data() + static_cast<std::ptrdiff_t>(whole.y()) * columns_ +
                                static_cast<std::ptrdiff_t>(whole.x());
   const Eigen::Vector2f* bottom = top + columns_;
   const auto fx = static_cast<float>(part.x()), fy = static_cast<float>(part.y());
@@ -106,13 +120,24 @@ Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
   return (above + fy * (below - above)).cast<double>();
 }
 
+Eigen::Vector2d PixelLag::flow(const Eigen::Vector2d& pixel) const {
+  return between_nodes(flows_, pixel);
+}
+
+Eigen::Vector2d PixelLag::taken_too_far(const TrackPlace& track) const {
+  const Eigen::Vector2d& pixel = track.place.pixel;
+  return later_s(pixel.y()) * (track.velocity - between_nodes(velocities_, pixel));
+}
+
 void PixelLag::set_paths(double time_constant_s) {
+  const auto time_constant = static_cast<float>(time_constant_s);
   for (std::size_t i = 0; i < flows_.size(); ++i) {
-    const Eigen::Vector2f path = static_cast<float>(time_constant_s) * flows_[i];
-    const float length = path.norm();
-    // Written so that what is no number moves nothing.
-    paths_[i] = length > 0 ? Eigen::Vector2f(path * std::min(1.0F, kLongest / length))
-                           : Eigen::Vector2f(Eigen::Vector2f::Zero());
+    const Eigen::Vector2f& flow = flows_[i];
+    // The row that looks is not the one in which it is at the stamp.
+    const double towards = std::max(0.5, 1 - line_delay_s_ * static_cast<double>(flow.y()));
+    const double until_read_s = (time_constant_s + later_s(nodes_[i].pixel.y())) / towards;
+    smears_[i] = no_longer_than_the_margin(time_constant * flow);
+    moves_[i] = no_longer_than_the_margin(static_cast<float>(until_read_s) * flow);
   }
 }
 
@@ -124,8 +149,8 @@ struct PixelLag::Stretch {
 };
 
 template <typename Use>
-void PixelLag::for_each_stretch(int y, Use use) const {
-  const Eigen::Vector2f* above = paths_.data() + static_cast<std::ptrdiff_t>(y / kCell) * columns_;
+void PixelLag::for_each_stretch(const AtNodes& paths, int y, Use use) const {
+  const Eigen::Vector2f* above = paths.data() + static_cast<std::ptrdiff_t>(y / kCell) * columns_;
   const auto at = [&](int column) {
     const Eigen::Vector2f *top = above + column, *bottom = top + columns_;
     return Eigen::Vector2f(*top + static_cast<float>(y % kCell) / kCell * (*bottom - *top));
@@ -150,7 +175,7 @@ void PixelLag::sharpen(const cv::Mat& grey) {
     auto* out = readout_.ptr<std::int16_t>(y + kMargin) + kMargin;
     for (int x = 0; x < grey.cols; ++x) out[x] = static_cast<std::int16_t>(kParts * in[x]);
     if (y < kReach || y >= grey.rows - kReach) continue;
-    for_each_stretch(y, [&](const Stretch& stretch) {
+    for_each_stretch(smears_, y, [&](const Stretch& stretch) {
       const int first = std::max(stretch.begin, kReach);
       const int end = std::min(stretch.end, grey.cols - kReach);
       constexpr float kScale = kParts / 12;
@@ -190,7 +215,7 @@ cv::Mat PixelLag::taken_out(const cv::Mat& grey, double time_constant_s) {
   cv::Mat still(grey.size(), CV_8UC1);
   for (int y = 0; y < grey.rows; ++y) {
     auto* out = still.ptr<std::uint8_t>(y);
-    for_each_stretch(y, [&](const Stretch& stretch) {
+    for_each_stretch(moves_, y, [&](const Stretch& stretch) {
       for (int x = stretch.begin; x < stretch.end;) {
         const Eigen::Vector2f path =
             stretch.path + static_cast<float>(x - stretch.begin) * stretch.slope;

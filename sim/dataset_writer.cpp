@@ -103,6 +103,8 @@ void write_camera_file(const fs::path& file, const CameraDescription& camera) {
       << "] #fu, fv, cu, cv\ndistortion_model: " << (radial ? "radial-tangential" : "equidistant")
       << "\ndistortion_coefficients: [" << c.distortion[0] << ", " << c.distortion[1] << ", "
       << c.distortion[2] << ", " << c.distortion[3] << "]\n";
+  if (camera.line_delay_s != 0)
+    out << "line_delay: " << camera.line_delay_s << " # s, rolling shutter; stamps: middle row\n";
   finish(out, file);
 }
 

@@ -41,6 +41,9 @@ struct CameraDescription {
   CameraIntrinsics intrinsics;
   CameraExtrinsics extrinsics;
   double rate_hz = 30;
+  // s, by which each row of pixels looks later than the one above it: a rolling shutter. 0: all at
+  // once. Stamps are of the middle row.
+  double line_delay_s = 0;
   std::string comment;
 };
 

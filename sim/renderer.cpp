@@ -75,30 +75,42 @@ Rect bounds_in_cam(const std::array<Vector3f, 8>& corners) {
   return rect;
 }
 
-// For every tile the primitives that may be seen in it, nearest first.
-std::vector<std::vector<Candidate>> candidates_per_tile(const Scene& scene,
-                                                        const Eigen::Isometry3f& T_cam_world,
-                                                        const std::vector<Renderer::Tile>& tiles) {
-  std::vector<std::vector<Candidate>> lists(tiles.size());
+using Candidates = std::vector<std::vector<Candidate>>;  // of each tile, nearest first
+
+// The primitives that may be seen in the tiles from `begin` up to `end`.
+void find_candidates(const Scene& scene, const Eigen::Isometry3f& T_cam_world,
+                     const std::vector<Renderer::Tile>& tiles, std::size_t begin, std::size_t end,
+                     Candidates& lists) {
   const Vector3f p_world_cam = T_cam_world.inverse().translation();
   for (std::size_t i = 0; i < scene.primitives.size(); ++i) {
     const int index = static_cast<int>(i);
     if (unbounded(scene.primitives[i].shape)) {
       const float near_depth = kWidestCosine * clearance(scene.primitives[i], p_world_cam);
-      for (auto& list : lists) list.push_back({near_depth, index});
+      for (std::size_t t = begin; t < end; ++t) lists[t].push_back({near_depth, index});
       continue;
     }
     const Rect rect = bounds_in_cam(corners_in_cam(scene.primitives[i], T_cam_world));
     if (rect.near_depth > 1e8f) continue;  // behind the camera
-    for (std::size_t t = 0; t < tiles.size(); ++t)
+    for (std::size_t t = begin; t < end; ++t)
       if ((rect.low.array() <= tiles[t].high.array()).all() &&
           (rect.high.array() >= tiles[t].low.array()).all())
         lists[t].push_back({rect.near_depth, index});
   }
-  for (auto& list : lists)
-    std::sort(list.begin(), list.end(), [](const Candidate& a, const Candidate& b) {
+  for (std::size_t t = begin; t < end; ++t)
+    std::sort(lists[t].begin(), lists[t].end(), [](const Candidate& a, const Candidate& b) {
       return a.near_depth != b.near_depth ? a.near_depth < b.near_depth : a.primitive < b.primitive;
     });
+}
+
+// Each row of tiles from where its middle looks: the rest of it is less than a pixel off.
+Candidates candidates_per_tile(const Scene& scene, const Renderer::PoseOfRow& pose,
+                               const std::vector<Renderer::Tile>& tiles) {
+  Candidates lists(tiles.size());
+  for (std::size_t begin = 0, end = 0; begin < tiles.size(); begin = end) {
+    while (end < tiles.size() && tiles[end].y0 == tiles[begin].y0) ++end;
+    const Eigen::Isometry3d T_world_cam = pose((tiles[begin].y0 + tiles[begin].y1) / 2);
+    find_candidates(scene, T_world_cam.inverse().cast<float>(), tiles, begin, end, lists);
+  }
   return lists;
 }
 
@@ -225,13 +237,32 @@ Renderer::Tile Renderer::tile_at(int x0, int y0) const {
 }
 
 struct Renderer::View {
-  const RayCaster& caster;
+  RayCaster caster;
   Eigen::Matrix3f R_world_cam;
 };
 
-void Renderer::cast_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+// One for each row of pixels; rows that look from one place share it.
+Renderer::Views Renderer::views(const Scene& scene, const PoseOfRow& pose) const {
+  Views views;
+  Eigen::Isometry3d T_world_cam = Eigen::Isometry3d::Identity();
+  for (int y = 0; y < camera_.height; ++y) {
+    const Eigen::Isometry3d of_row = pose(y);
+    if (!views.empty() && of_row.matrix() == T_world_cam.matrix()) {
+      views.push_back(views.back());
+      continue;
+    }
+    T_world_cam = of_row;
+    views.push_back(
+        std::make_shared<View>(View{RayCaster(scene, T_world_cam.translation().cast<float>()),
+                                    T_world_cam.linear().cast<float>()}));
+  }
+  return views;
+}
+
+void Renderer::cast_tile(const Views& views, const Tile& tile, const std::vector<Candidate>& list,
                          Hits& hits) const {
-  for (int y = tile.y0; y < tile.y1; ++y)
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const View& view = *views[static_cast<std::size_t>(y)];
     for (int x = tile.x0; x < tile.x1; ++x) {
       if (!is_lit(x, y)) continue;
       const Hit hit = view.caster.cast(view.R_world_cam * bearing(x, y)->homogeneous(), list.data(),
@@ -239,6 +270,7 @@ void Renderer::cast_tile(const View& view, const Tile& tile, const std::vector<C
       hits.depth.at<float>(y, x) = hit.depth;
       hits.surface.at<int>(y, x) = hit.surface;
     }
+  }
 }
 
 // The mean of four samples. Rotated grid: no two share a row or a column, so that straight edges
@@ -258,9 +290,10 @@ float Renderer::shade_edge(const View& view, const Tile& tile, const std::vector
   return sum / static_cast<float>(grid.size());
 }
 
-void Renderer::shade_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+void Renderer::shade_tile(const Views& views, const Tile& tile, const std::vector<Candidate>& list,
                           const Hits& hits, cv::Mat& radiance) const {
-  for (int y = tile.y0; y < tile.y1; ++y)
+  for (int y = tile.y0; y < tile.y1; ++y) {
+    const View& view = *views[static_cast<std::size_t>(y)];
     for (int x = tile.x0; x < tile.x1; ++x) {
       if (!is_lit(x, y)) continue;
       const Vector2f* b = bearing(x, y);
@@ -270,19 +303,19 @@ void Renderer::shade_tile(const View& view, const Tile& tile, const std::vector<
               ? shade_edge(view, tile, list, b)
               : view.caster.shade(view.R_world_cam * b->homogeneous(), hit, tile.pixel_angle);
     }
+  }
 }
 
-Rendering Renderer::render(const Scene& scene, const Eigen::Isometry3d& T_world_cam) const {
-  const RayCaster caster(scene, T_world_cam.translation().cast<float>());
-  const View view{caster, T_world_cam.linear().cast<float>()};
-  const auto lists = candidates_per_tile(scene, T_world_cam.inverse().cast<float>(), tiles_);
+Rendering Renderer::render(const Scene& scene, const PoseOfRow& pose) const {
+  const Views views = this->views(scene, pose);
+  const auto lists = candidates_per_tile(scene, pose, tiles_);
   const cv::Size size(camera_.width, camera_.height);
   Hits hits{cv::Mat(size, CV_32FC1, cv::Scalar(kSkyDepth)),
             cv::Mat(size, CV_32SC1, cv::Scalar(kNoSurface))};
-  for (std::size_t t = 0; t < tiles_.size(); ++t) cast_tile(view, tiles_[t], lists[t], hits);
+  for (std::size_t t = 0; t < tiles_.size(); ++t) cast_tile(views, tiles_[t], lists[t], hits);
   cv::Mat radiance(size, CV_32FC1, cv::Scalar(0));
   for (std::size_t t = 0; t < tiles_.size(); ++t)
-    shade_tile(view, tiles_[t], lists[t], hits, radiance);
+    shade_tile(views, tiles_[t], lists[t], hits, radiance);
   return {radiance, hits.depth};
 }
 

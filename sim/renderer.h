@@ -8,6 +8,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <functional>
+#include <memory>
 #include <opencv2/core/mat.hpp>
 #include <vector>
 
@@ -47,7 +49,13 @@ class Renderer {
     return (bearing(x, y)[0] + bearing(x, y)[1] + bearing(x, y)[stride()]).allFinite();
   }
 
-  [[nodiscard]] Rendering render(const Scene& scene, const Eigen::Isometry3d& T_world_cam) const;
+  // Where the camera is, T_world_cam, when a row of pixels looks: elsewhere for each of a rolling
+  // shutter.
+  using PoseOfRow = std::function<Eigen::Isometry3d(int y)>;
+  [[nodiscard]] Rendering render(const Scene& scene, const PoseOfRow& pose) const;
+  [[nodiscard]] Rendering render(const Scene& scene, const Eigen::Isometry3d& T_world_cam) const {
+    return render(scene, [&T_world_cam](int) { return T_world_cam; });
+  }
 
   // What a sensor with this response sees: the mean along each pixel's own path.
   [[nodiscard]] cv::Mat blur_by_motion(const Rendering& sharp, const CameraMotion& motion,
@@ -64,6 +72,7 @@ class Renderer {
 
  private:
   struct View;
+  using Views = std::vector<std::shared_ptr<const View>>;
   struct Hits {
     cv::Mat depth;    // CV_32FC1, m
     cv::Mat surface;  // CV_32SC1, see Hit
@@ -75,9 +84,10 @@ class Renderer {
   }
   [[nodiscard]] const Eigen::Vector2f* most_central_lit(const Tile& tile) const;  // or null
   [[nodiscard]] Tile tile_at(int x0, int y0) const;
-  void cast_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+  [[nodiscard]] Views views(const Scene& scene, const PoseOfRow& pose) const;
+  void cast_tile(const Views& views, const Tile& tile, const std::vector<Candidate>& list,
                  Hits& hits) const;
-  void shade_tile(const View& view, const Tile& tile, const std::vector<Candidate>& list,
+  void shade_tile(const Views& views, const Tile& tile, const std::vector<Candidate>& list,
                   const Hits& hits, cv::Mat& radiance) const;
   [[nodiscard]] float shade_edge(const View& view, const Tile& tile,
                                  const std::vector<Candidate>& list,

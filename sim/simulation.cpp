@@ -212,7 +212,7 @@ DroneSimulation::DroneSimulation(Plan plan, std::shared_ptr<const Scene> scene,
 }
 
 CameraDescription DroneSimulation::camera() const {
-  return {renderer_->camera(), plan_.flight.extrinsics, plan_.camera_rate_hz,
+  return {renderer_->camera(), plan_.flight.extrinsics, plan_.camera_rate_hz, plan_.line_delay_s,
           plan_.thermal ? "simulated thermal camera, automatic gain" : "simulated grey camera"};
 }
 
@@ -252,10 +252,21 @@ std::size_t DroneSimulation::first_seen(std::size_t index) const {
   return leg % 2 == 0 ? place : plan_.images_of_leg - 1 - place;
 }
 
+Rendering DroneSimulation::rendered(TimeNs stamp_ns) const {
+  if (plan_.line_delay_s == 0) return renderer_->render(*scene_, camera_pose(stamp_ns));
+  const int height = renderer_->camera().height;
+  const ImuRecording& imu = plan_.imu;
+  return renderer_->render(*scene_, [&](int y) {
+    const TimeNs later_ns = nanoseconds(plan_.line_delay_s * (y - 0.5 * (height - 1)));
+    return camera_pose(
+        std::clamp(stamp_ns + later_ns, imu.samples.front().stamp_ns, imu.samples.back().stamp_ns));
+  });
+}
+
 SimulatedImage DroneSimulation::next_image() {
   const TimeNs stamp_ns = image_stamps_.at(next_++);
   const double since_last_s = 1 / plan_.camera_rate_hz;
-  const Rendering sharp = renderer_->render(*scene_, camera_pose(stamp_ns));
+  const Rendering sharp = rendered(stamp_ns);
   const CameraMotion motion = motion_at(state_at(stamp_ns));
   if (thermal_) {
     const TemporalResponse lag{TemporalResponse::Shape::kExponentialLag,
@@ -298,6 +309,7 @@ std::vector<DroneSimulation> make_simulation(const SimulationRequest& request) {
                                request.shutter_events,
                                thermal_sensor(request),
                                request.camera_rate_hz,
+                               request.line_delay_s,
                                leg_images,
                                seed,
                                {},

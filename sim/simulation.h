@@ -30,6 +30,7 @@ struct SimulationRequest {
   double duration_s = 0;  // s; 0: as the scenario or the recording says
   double camera_rate_hz = 30;
   std::optional<CameraIntrinsics> camera;  // empty: the scenario's own
+  double line_delay_s = 0;                 // s, see CameraDescription
   std::optional<ImuNoise> imu_noise;       // empty: the scenario's own; not of recorded IMUs
   std::optional<double> imu_rate_hz;       // empty: 200
   double lap_m = 0;                        // m, see FlightRequest
@@ -55,6 +56,7 @@ class DroneSimulation {
     bool shutter_events = false;
     ThermalSensor thermal_sensor;
     double camera_rate_hz = 30;
+    double line_delay_s = 0;
     std::size_t images_of_leg = 0;  // of flights there and back; 0: one way
     std::uint64_t seed = 1;
     ImuRecording imu;  // with true biases
@@ -86,6 +88,7 @@ class DroneSimulation {
   [[nodiscard]] const Renderer& renderer() const { return *renderer_; }
 
  private:
+  [[nodiscard]] Rendering rendered(TimeNs stamp_ns) const;
   [[nodiscard]] KinematicState state_at(TimeNs stamp_ns) const;
   [[nodiscard]] CameraMotion motion_at(const KinematicState& state) const;
 

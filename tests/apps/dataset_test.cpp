@@ -143,6 +143,8 @@ TEST_F(DatasetTest, WhatASensorFileCanHardlyMeanIsSaidAndFlown) {
   EXPECT_THAT(doubts(), ElementsAre(HasSubstr("the principal point (315, 235) lies outside")));
   write("cam0/sensor.yaml", replaced(kCameraYaml, "0.1,", "100,"));
   EXPECT_THAT(doubts(), ElementsAre(AllOf(HasSubstr("100.0 m apart"), HasSubstr("in metres?"))));
+  write("cam0/sensor.yaml", std::string(kCameraYaml) + "line_delay: 30\n");
+  EXPECT_THAT(doubts(), ElementsAre(AllOf(HasSubstr("1.44e+03 s"), HasSubstr("in seconds?"))));
   write("cam0/sensor.yaml", kCameraYaml);
   write("imu0/sensor.yaml", replaced(replaced(kImuYaml, "1.7e-4", "17"), "2.0e-3", "20"));
   EXPECT_THAT(doubts(), ElementsAre(HasSubstr("imu0/sensor.yaml: gyroscope_noise_density of 17"),
@@ -153,6 +155,12 @@ TEST_F(DatasetTest, SensorFilesNeedNoYamlHeader) {
   write("cam0/sensor.yaml", replaced(kCameraYaml, "%YAML:1.0\n", ""));
   write("imu0/sensor.yaml", std::string("%YAML:1.0\n---\n") + kImuYaml);
   EXPECT_EQ(read_dataset(mav0()).camera.width, 64);
+}
+
+TEST_F(DatasetTest, ARollingShutterIsKnownByItsLineDelay) {
+  EXPECT_EQ(read_dataset(mav0()).line_delay_s, 0);
+  write("cam0/sensor.yaml", std::string(kCameraYaml) + "line_delay: 2.5e-5\n");
+  EXPECT_EQ(read_dataset(mav0()).line_delay_s, 2.5e-5);
 }
 
 TEST_F(DatasetTest, EquidistantCamerasAndKalibrsTimeShiftAreKnown) {

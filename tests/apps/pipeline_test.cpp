@@ -60,6 +60,34 @@ TEST(IntegrateGyro, WithoutSamplesThereIsNoTurn) {
   EXPECT_EQ(integrate_gyro({}, 0, 100, {0, 0, 0}).w(), 1);
 }
 
+TEST(TurnAt, IsALineThroughTheNewestSamples) {
+  std::vector<ImuSample> imu;
+  const Eigen::Vector3d rate(0.3, -0.2, 0.1), acceleration(5, 2, -7), bias(0.01, 0.02, 0.03);
+  for (int i = -20; i <= 1; ++i) {
+    const double t = 0.005 * i;
+    ImuSample sample;
+    sample.stamp_ns = nanoseconds(2 + t);
+    // What is older is another motion.
+    sample.gyro_imu = t < -0.022 ? Eigen::Vector3d(9, 9, 9) : rate + t * acceleration + bias;
+    imu.push_back(sample);
+  }
+  const Turn turn = turn_at(imu, nanoseconds(2.0), bias);
+  EXPECT_TRUE(turn.rate.isApprox(rate, 1e-9));
+  EXPECT_TRUE(turn.acceleration.isApprox(acceleration, 1e-9));
+}
+
+TEST(TurnAt, OfTooFewSamplesIsTheirMean) {
+  std::vector<ImuSample> imu(2);
+  imu[0].stamp_ns = nanoseconds(1.98);
+  imu[1].stamp_ns = nanoseconds(2.0);
+  imu[0].gyro_imu = {1, 0, 0};
+  imu[1].gyro_imu = {2, 0, 0};
+  const Turn turn = turn_at(imu, nanoseconds(2.0), {0.5, 0, 0});
+  EXPECT_EQ(turn.rate, Eigen::Vector3d(1, 0, 0));
+  EXPECT_TRUE(turn.acceleration.isZero());
+  EXPECT_TRUE(turn_at({}, nanoseconds(2.0), {0.5, 0, 0}).rate.isZero());
+}
+
 TEST(GreyImage, SixteenBitsAreStretchedToWhatTheyHold) {
   cv::Mat raw(100, 100, CV_16UC1);
   for (int y = 0; y < raw.rows; ++y) raw.row(y).setTo(20000 + 10 * y);

@@ -187,7 +187,7 @@ std::string camera_yaml(const std::string& model, const std::string& focal_px,
          "resolution: [200, 120]\ncamera_model: pinhole\n"
          "intrinsics: [" +
          focal_px + ", " + focal_px + ", 99.5, 59.5]\ndistortion_model: " + model +
-         "\ndistortion_coefficients: [" + distortion + "]\n";
+         "\ndistortion_coefficients: [" + distortion + "]\nline_delay: 5e-5\n";
 }
 
 const char* const kImuYaml =
@@ -209,6 +209,7 @@ TEST(SimulateCommand, FliesOnesOwnCameraAndImu) {
   EXPECT_EQ(dataset.camera.width, 200);
   EXPECT_EQ(dataset.camera.model, DistortionModel::kEquidistant);
   EXPECT_EQ(dataset.camera.distortion[0], -0.01);
+  EXPECT_EQ(dataset.line_delay_s, 5e-5);
   EXPECT_FALSE(dataset.extrinsics.p_imu_cam.isZero()) << "mounted as the scenario's";
   EXPECT_EQ(dataset.imu_noise.gyro_density, 1e-3);
   EXPECT_EQ(dataset.imu.size(), 101u);

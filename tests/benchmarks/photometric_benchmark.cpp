@@ -64,7 +64,7 @@ BENCHMARK(SixteenBitImage)->Unit(benchmark::kMillisecond);
 // Rotation and tracks that move at up to 240 px/s.
 PixelLag moving_lag(const std::vector<TrackPlace>& places) {
   PixelLag lag({640, 512, 293, 293, 319.5, 255.5, DistortionModel::kRadialTangential, {}});
-  lag.set_motion({0.1, 0.2, 0.3}, places);
+  lag.set_motion({{0.1, 0.2, 0.3}, {}}, places);
   return lag;
 }
 std::vector<TrackPlace> moving_tracks() {
@@ -79,7 +79,7 @@ std::vector<TrackPlace> moving_tracks() {
 void LagMotion(benchmark::State& state) {
   const std::vector<TrackPlace> places = moving_tracks();
   PixelLag lag = moving_lag(places);
-  for (auto _ : state) lag.set_motion({0.1, 0.2, 0.3}, places);
+  for (auto _ : state) lag.set_motion({{0.1, 0.2, 0.3}, {}}, places);
 }
 void LagTakenOut(benchmark::State& state) {
   PixelLag lag = moving_lag(moving_tracks());

@@ -32,7 +32,7 @@ double estimated(const PixelLagConfig& config, double true_s, double speed) {
   constexpr int kImages = 12;
   for (int k = 0; k < kImages; ++k) {
     const Eigen::Vector2d velocity(speed * std::cos(0.7 * k), speed * std::sin(0.5 * k));
-    lag.set_motion(Eigen::Vector3d::Zero(), moving(velocity));
+    lag.set_motion({}, moving(velocity));
     const cv::Mat grey =
         lag.taken_out(seen(texture, velocity, true_s), estimator.time_constant_s());
     const ImagePyramid image = build_pyramid(grey, 2);

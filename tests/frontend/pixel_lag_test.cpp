@@ -18,7 +18,7 @@ namespace {
 
 cv::Mat without_lag(const cv::Mat& grey, const Eigen::Vector2d& velocity) {
   PixelLag lag(lagging_camera());
-  lag.set_motion(Eigen::Vector3d::Zero(), moving(velocity));
+  lag.set_motion({}, moving(velocity));
   return lag.taken_out(grey, kLag_s);
 }
 
@@ -81,7 +81,7 @@ TEST(PixelLag, FarTooFastStaysInTheImage) {
 TEST(PixelLag, FlowIsThatOfAPointTheCameraTurnsAwayFrom) {
   PixelLag lag(lagging_camera());
   const Eigen::Vector3d rate(0.7, -0.4, 1.1);
-  lag.set_motion(rate, {});
+  lag.set_motion({rate, Eigen::Vector3d::Zero()}, {});
   constexpr double kStep_s = 1e-5;
   const Eigen::Matrix3d R_later =
       Eigen::AngleAxisd(-rate.norm() * kStep_s, rate.normalized()).toRotationMatrix();
@@ -101,9 +101,71 @@ TEST(PixelLag, FlowFollowsTheNearestTracks) {
   tracks[1].place.pixel = {250, 160};
   tracks[1].velocity = {-50, 30};
   PixelLag lag(lagging_camera());
-  lag.set_motion(Eigen::Vector3d::Zero(), tracks);
+  lag.set_motion({}, tracks);
   EXPECT_NEAR((lag.flow({96, 96}) - tracks[0].velocity).norm(), 0, 2);
   EXPECT_NEAR((lag.flow({256, 160}) - tracks[1].velocity).norm(), 0, 2);
+}
+
+constexpr double kLineDelay_s = 6e-5;
+
+// What a rolling shutter shows of a scene that moves at `velocity`, px/s; at the stamp, when the
+// middle row looks, it lies where it lies at rest.
+cv::Mat row_by_row(const cv::Mat& scene, const Eigen::Vector2d& velocity) {
+  cv::Mat from_x(kHeight, kWidth, CV_32FC1), from_y(kHeight, kWidth, CV_32FC1), image, grey;
+  for (int y = 0; y < kHeight; ++y) {
+    const Eigen::Vector2d moved = kLineDelay_s * (y - 0.5 * (kHeight - 1)) * velocity;
+    for (int x = 0; x < kWidth; ++x) {
+      from_x.at<float>(y, x) = static_cast<float>(x + kWidth / 2 - moved.x());
+      from_y.at<float>(y, x) = static_cast<float>(y + kHeight / 2 - moved.y());
+    }
+  }
+  cv::remap(scene, image, from_x, from_y, cv::INTER_CUBIC);
+  image.convertTo(grey, CV_8UC1);
+  return grey;
+}
+
+TEST(PixelLag, RowsOfARollingShutterAreBroughtToTheStamp) {
+  const cv::Mat texture = scene(), at_once = row_by_row(texture, {0, 0});
+  for (const Eigen::Vector2d& velocity :
+       std::vector<Eigen::Vector2d>{{200, 0}, {-300, 150}, {0, 400}, {40, -350}}) {
+    PixelLag rows(lagging_camera(), kLineDelay_s);
+    rows.set_motion({}, moving(velocity));
+    const cv::Mat rolled = row_by_row(texture, velocity);
+    const double before = root_mean_square_error(at_once, rolled);
+    const double after = root_mean_square_error(at_once, rows.taken_out(rolled, 0));
+    EXPECT_LT(after, 0.08) << velocity.transpose();
+    EXPECT_GT(before, 0.6) << velocity.transpose();
+  }
+}
+
+TEST(PixelLag, FlowOfARowIsThatUntilItLooks) {
+  PixelLag rows(lagging_camera(), kLineDelay_s);
+  const Turn turn{{0.07, -0.04, 0.11}, {7, -4, 11}};
+  rows.set_motion(turn, {});
+  for (const Eigen::Vector2d& pixel : std::vector<Eigen::Vector2d>{{64, 32}, {256, 192}}) {
+    const double later_s = kLineDelay_s * (pixel.y() - 0.5 * (kHeight - 1));
+    const Eigen::Vector3d turned =
+        later_s * turn.rate + 0.5 * later_s * later_s * turn.acceleration;
+    const Eigen::Matrix3d R_later =
+        Eigen::AngleAxisd(-turned.norm(), turned.normalized()).toRotationMatrix();
+    const Eigen::Vector3d ray = R_later * unproject(lagging_camera(), pixel)->homogeneous();
+    const Eigen::Vector2d numeric =
+        (project(lagging_camera(), ray.hnormalized()) - pixel) / later_s;
+    EXPECT_NEAR((rows.flow(pixel) - numeric).norm(), 0, 0.2) << pixel.transpose();
+  }
+}
+
+TEST(PixelLag, ATrackThatMovesOtherwiseSaysHowFarItWasTakenTooFar) {
+  PixelLag rows(lagging_camera(), kLineDelay_s);
+  rows.set_motion({}, moving({100, 0}));
+  TrackPlace near;
+  near.place.pixel = {200, 0.5 * (kHeight - 1) + 100};
+  near.velocity = {160, -20};
+  const Eigen::Vector2d expected = 100 * kLineDelay_s * Eigen::Vector2d(60, -20);
+  EXPECT_NEAR((rows.taken_too_far(near) - expected).norm(), 0, 1e-6);
+  PixelLag at_once(lagging_camera());
+  at_once.set_motion({}, moving({100, 0}));
+  EXPECT_EQ(at_once.taken_too_far(near).norm(), 0);
 }
 
 }  // namespace

@@ -155,6 +155,29 @@ TEST(Renderer, DepthAndOutlineOfABoxAreExact) {
   EXPECT_EQ(image.depth.at<float>(120, 200), kSkyDepth);
 }
 
+TEST(Renderer, EachRowOfARollingShutterIsThatOfAnImageFromWhereItLooks) {
+  SimulationRequest request;
+  request.scenario = Scenario::kCastleParallel;
+  request.agents = 1;
+  request.duration_s = 2;
+  request.texture_size = kTexture;
+  const std::vector<DroneSimulation> drones = make_simulation(request);
+  const DroneSimulation& drone = drones.front();
+  const TimeNs stamp_ns = drone.image_stamps()[20];
+  const Renderer::PoseOfRow pose = [&](int y) {
+    return drone.camera_pose(stamp_ns + nanoseconds(3e-5 * y));
+  };
+  const Rendering rolled = drone.renderer().render(drone.scene(), pose);
+  for (const int y : {0, 200, 479}) {
+    const Rendering at_once = drone.renderer().render(drone.scene(), pose(y));
+    // Surfaces meet elsewhere in the rows beside it, which only the pixels at edges notice.
+    const cv::Mat difference = cv::abs(rolled.depth.row(y) - at_once.depth.row(y));
+    EXPECT_EQ(cv::countNonZero(difference), 0) << "row " << y;
+  }
+  const Rendering first = drone.renderer().render(drone.scene(), pose(0));
+  EXPECT_GT(cv::countNonZero(cv::abs(rolled.depth.row(479) - first.depth.row(479))), 300);
+}
+
 TEST(Renderer, ShutterBlurKeepsTheCentroidAndSpreadsTheEdge) {
   const Renderer renderer(plain_camera());
   const Rendering sharp = renderer.render(lonely_box(), Eigen::Isometry3d::Identity());
