@@ -273,6 +273,7 @@ void Agent::publish_status() {
 void Agent::show_status() {
   if (!status_file_.due(steady_ms())) return;
   write_status();
+  warn_of_rows();
   if (!link_) return;
   warn_of_namesake();
   warn_of_crowd();
@@ -295,6 +296,16 @@ void Agent::warn_of_crowd() {
   if (warned_of_crowd_ || link_->statistics().refused.count(kCrowd) == 0) return;
   spdlog::warn("{}, {}: some are not answered", kCrowd, config_.link.max_agents);
   warned_of_crowd_ = true;
+}
+
+void Agent::warn_of_rows() {
+  const std::optional<double> line_delay_s = pipeline_.line_delay_found_s();
+  if (warned_of_rows_ || !line_delay_s) return;
+  spdlog::warn(
+      "the image seems to be read row by row, {:.0f} us or more each, and sensor.yaml says {:.0f}: "
+      "has the camera a rolling shutter? That is its line_delay, in s",
+      1e6 * *line_delay_s, 1e6 * dataset_.line_delay_s);
+  warned_of_rows_ = true;
 }
 
 void Agent::warn_of_start() {
@@ -616,6 +627,7 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 }  // namespace
 
 AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
+  warn_of_rows();
   if (link_) {
     warn_of_start();
     warn_of_moves();
@@ -634,6 +646,9 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   nlohmann::json json = to_json(told);
   if (link_) json["exchange_details"] = exchange_details();
   json["camera"] = calibration_json(pipeline_.found_calibration());
+  json["camera"]["line_delay_found_s"] = nullptr;
+  if (const auto found_s = pipeline_.line_delay_found_s())
+    json["camera"]["line_delay_found_s"] = *found_s;
   json["camera"]["at_start"] = calibration_json(pipeline_.calibration_at_start());
   json["own_world"] = level_frame_json(pipeline_.own_world());
   if (pipeline_.team_knowledge() != nullptr) {

@@ -124,6 +124,7 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
       line_delay_s_(sensors.line_delay_s),
       initialisation_(config.initialisation, config.estimator.gravity, std::move(truth)),
       lag_estimator_(config.thermal.pixel_lag),
+      line_delay_check_(sensors.camera, sensors.line_delay_s),
       tracker_(tracker_config(config, sensors), sensors.camera, sensors.mask),
       estimator_(estimator_config(config, sensors), thread_cpu_ms),
       calibration_at_start_{camera_, estimator_.extrinsics(),
@@ -182,6 +183,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   }
   if (result.alone) {
     frame.stamp_ns = result.alone->stamp_ns;  // of the pose it belongs to from here on
+    check_rows(frame, result.timing);
     if (collaborator_) result.advert = keyframe(frame, result.timing);
     if (result.advert && config_.collaboration.exchange == ExchangeMode::kNaive) {
       result.advert.reset();
@@ -228,6 +230,16 @@ cv::Mat Pipeline::without_lag(TimeNs stamp_ns, const cv::Mat& grey,
   const Eigen::Quaterniond q_cam_imu = estimator_.extrinsics().q_imu_cam.inverse();
   pixel_lag_->set_motion({q_cam_imu * turn_imu.rate, q_cam_imu * turn_imu.acceleration}, expected);
   return pixel_lag_->taken_out(grey, lags_ ? lag_estimator_.time_constant_s() : 0);
+}
+
+void Pipeline::check_rows(const TrackedFrame& frame, TimingRecord& timing) {
+  if (status_.status != FilterStatus::kTracking) return;
+  const StageTimer timer(timing.track_ms);
+  const std::optional<CameraEstimate> camera = estimator_.camera();
+  if (!camera) return;
+  const bool due = line_delay_check_.is_due();
+  line_delay_check_.add(frame, camera->T_world_cam,
+                        due ? estimator_.depths() : std::vector<TrackDepth>());
 }
 
 void Pipeline::bring_to_the_stamp(TrackedFrame& frame) const {

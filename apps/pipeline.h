@@ -19,6 +19,7 @@
 #include "frontend/camera.h"
 #include "frontend/collaborator.h"
 #include "frontend/lag_estimator.h"
+#include "frontend/line_delay_check.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/pixel_lag.h"
 #include "frontend/tracker.h"
@@ -121,6 +122,10 @@ class Pipeline {
   [[nodiscard]] std::optional<double> pixel_lag_s() const {
     return lags_ ? std::optional(lag_estimator_.time_constant_s()) : std::nullopt;
   }
+  // LineDelayCheck::found_s
+  [[nodiscard]] std::optional<double> line_delay_found_s() const {
+    return line_delay_check_.found_s();
+  }
   // As the flight has shown it by now, and as the dataset and the settings had it.
   [[nodiscard]] FoundCalibration found_calibration() const;
   [[nodiscard]] const FoundCalibration& calibration_at_start() const {
@@ -153,6 +158,7 @@ class Pipeline {
                                     const std::vector<TrackPlace>& expected);
   // Of the IMU, rad/s, before a moment.
   [[nodiscard]] Eigen::Vector3d mean_rate(TimeNs moment_ns, double over_s) const;
+  void check_rows(const TrackedFrame& frame, TimingRecord& timing);
   // Of a rolling shutter: tracks that move otherwise than the image around them was moved.
   void bring_to_the_stamp(TrackedFrame& frame) const;
   [[nodiscard]] std::optional<PlaceAdvert> keyframe(TrackedFrame& frame, TimingRecord& timing);
@@ -170,6 +176,7 @@ class Pipeline {
   std::optional<PhotometricCalibration> calibration_;  // of a thermal camera
   bool lags_ = false;                                  // its pixels do, and that is taken out
   LagEstimator lag_estimator_;
+  LineDelayCheck line_delay_check_;
   std::optional<PixelLag> pixel_lag_;  // of pixels that lag, or rows that look one by one
   Tracker tracker_;
   Estimator estimator_;
