@@ -79,6 +79,15 @@ void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.count("fit_iterations", p.gain.iterations, {1, 100}, "of reweighting at most");
   v.number("relaxation_s", p.gain.relaxation_s, {1, kManyTimes},
            "[s] time constant of the pull towards the first image's mean and spread");
+  v.number("gain_sigma", p.gain.link_sigma, {1e-4, 1}, "of the gain that tracks tell, relative");
+  v.flag("pattern", p.pattern, "take the gain from how strongly the sensor's pattern shows");
+  v.number("pattern_travel_px", p.pattern_gain.travel_px, {1, 1e4},
+           "[px] that the scene moves between two looks at the pattern");
+  v.count("pattern_memory", p.pattern_gain.memory, {1, 1e6}, "looks of each half that count");
+  v.number("pattern_gain_sigma", p.pattern_gain.trusted_sigma, {1e-4, 1},
+           "relative, of the least certain gain that the pattern may tell");
+  v.count("pattern_contradictions", p.pattern_gain.contradictions, {1, 1e6},
+          "images in a row in which tracks deny it: the pattern is another one");
 }
 
 void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {

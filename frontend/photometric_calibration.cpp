@@ -177,6 +177,7 @@ PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, 
       gain_(config.gain),
       field_(config.field, image_size),
       stripes_(config.stripe, image_size),
+      pattern_gain_(config.pattern_gain),
       tone_(config.tone),
       bias_(cv::Mat::zeros(image_size, CV_16SC1)) {}
 
@@ -192,8 +193,10 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   image_ = image;
   white_ = white_level(image);
   stamp_ns_ = stamp_ns;
+  told_ = blind_ ? std::nullopt : pattern_gain_.measure(image_, white_);
   if (!blind_) {
-    result.map = config_.temporal ? gain_.estimate(look(expected), field_at()) : gain_.latest();
+    result.map =
+        config_.temporal ? gain_.estimate(look(expected), field_at(), told_) : gain_.latest();
     build_table(result.map);
   }
   result.restarted = blind_ || !plausible(levels());
@@ -218,7 +221,10 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
   gain_.restart({});
   field_.reset(corrected ? config_.field.corrected_share : 1);
   stripes_.doubt();
+  pattern_gain_.restart(image, white_, 1);
+  told_ = std::nullopt;
   seen_.clear();
+  looked_.clear();
   last_sight_ = {};
   rebuild_bias();
   tone_.reset();
@@ -259,12 +265,28 @@ FieldAt PhotometricCalibration::field_at() const {
 void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   if (blind_) return;
   seen_ = look(tracks);
-  if (config_.temporal) gain_.add(stamp_ns_, seen_, field_at(), like_the_first());
+  if (config_.temporal) {
+    gain_.add(stamp_ns_, seen_, field_at(), told_, like_the_first());
+    if (config_.pattern) look_at_pattern();
+  }
   if (refreshed_ns_ == 0) refreshed_ns_ = stamp_ns_;
   const double since_s = seconds_between(refreshed_ns_, stamp_ns_);
   const bool refreshes = config_.spatial || config_.stripes;
   if (refreshes && since_s >= config_.field.refresh_s) refresh(since_s);
   check_pixels();
+}
+
+// A camera that has corrected itself unnoticed has another pattern.
+void PhotometricCalibration::look_at_pattern() {
+  if (gain_.contradictions() >= config_.pattern_gain.contradictions) {
+    looked_.clear();
+    pattern_gain_.restart(image_, white_, gain_.latest().gain);
+  }
+  if (looked_.empty()) looked_ = seen_;
+  const std::optional<double> travel_px = median_travel(looked_, seen_);
+  if (travel_px && *travel_px < config_.pattern_gain.travel_px) return;
+  looked_ = seen_;
+  pattern_gain_.look(image_, white_, gain_.latest().gain);
 }
 
 // A small warm thing stands out as well: as long as the scene stands still nothing tells them

@@ -37,7 +37,9 @@ struct BadPixelConfig {
 struct PhotometricConfig {
   // What is estimated; without any, contrast only.
   bool temporal = true, spatial = true, stripes = true;
+  bool pattern = true;  // gain from the sensor's own pattern, too
   TemporalConfig gain;
+  PatternGainConfig pattern_gain;
   SpatialConfig field;
   BlockConfig block;
   StripeConfig stripe;
@@ -94,6 +96,7 @@ class PhotometricCalibration {
   void refresh(double elapsed_s);
   [[nodiscard]] cv::Mat sensor_levels() const;
   void rebuild_bias();
+  void look_at_pattern();
   void check_pixels();
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
@@ -106,7 +109,10 @@ class PhotometricCalibration {
   TemporalGain gain_;
   SpatialField field_;
   StripePattern stripes_;
-  double travelled_px_ = 0;  // by the scene, since the stripes were looked at
+  PatternGain pattern_gain_;
+  std::optional<MeasuredGain> told_;  // by the pattern, of the current image
+  std::vector<TrackGrey> looked_;     // when the pattern was looked at for the last time
+  double travelled_px_ = 0;           // by the scene, since the stripes were looked at
   ToneCurve tone_;
 
   cv::Mat image_;    // the current one, as it came

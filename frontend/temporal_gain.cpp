@@ -88,6 +88,12 @@ std::vector<double> distances(const std::vector<GreyPair>& pairs, const GainOffs
   return distances;
 }
 
+// Mean of two logarithms, each as certain as it says.
+double weighted(const MeasuredGain& told, double log_gain, double sigma) {
+  const double share = sigma * sigma / (sigma * sigma + told.sigma * told.sigma);
+  return log_gain + share * (told.log_gain - log_gain);
+}
+
 }  // namespace
 
 std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs, int iterations) {
@@ -126,11 +132,10 @@ std::optional<GainOffset> fit_gain_offset(const std::vector<GreyPair>& pairs, in
   return map;
 }
 
-// The gain is fitted to how much neighbours differ: over so short a distance a field of low
-// frequency differs little, and motion blur or the distance to the scene change the contrast within
-// a patch, but hardly its mean. The means then tell the offset. Both lists are sorted by id.
-std::optional<GainOffset> TemporalGain::against(const PastImage& past,
-                                                const PresentImage& present) const {
+// What the same patches are in both images, the field taken out; both lists are sorted by id.
+// Nothing where they share too few.
+std::vector<std::optional<GreyPair>> TemporalGain::shared(const PastImage& past,
+                                                          const PresentImage& present) const {
   std::vector<std::optional<GreyPair>> seen(present.tracks.size());
   std::size_t shared = 0;
   auto before = past.tracks.begin();
@@ -143,7 +148,15 @@ std::optional<GainOffset> TemporalGain::against(const PastImage& past,
                        before->grey - present.field(before->pixel) / past.map.gain};
     ++shared;
   }
-  if (shared < static_cast<std::size_t>(config_.min_tracks)) return std::nullopt;
+  if (shared < static_cast<std::size_t>(config_.min_tracks)) seen.clear();
+  return seen;
+}
+
+// The gain is fitted to how much neighbours differ: over so short a distance a field of low
+// frequency differs little, and motion blur or the distance to the scene change the contrast within
+// a patch, but hardly its mean.
+std::optional<double> TemporalGain::gain_of_neighbours(
+    const std::vector<std::optional<GreyPair>>& seen, const PresentImage& present) const {
   std::vector<GreyPair> differences;
   for (std::size_t k = 0; k < present.nearest.size(); ++k) {
     const auto &track = seen[k / kNearest], &beside = seen[present.nearest[k]];
@@ -154,34 +167,72 @@ std::optional<GainOffset> TemporalGain::against(const PastImage& past,
   }
   const auto link = fit_gain_offset(differences, config_.iterations);
   if (!link) return std::nullopt;
-  std::vector<double> offsets;
-  for (const auto& pair : seen) {
-    if (pair) offsets.push_back(pair->past - link->gain * pair->now);
-  }
-  return GainOffset{past.map.gain * link->gain, past.map(median(std::move(offsets)))};
+  return link->gain;
 }
 
-GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks,
-                                  const FieldAt& field) const {
+// Offset from the means, and the gain too unless it is `known`.
+std::optional<GainOffset> TemporalGain::against(const PastImage& past, const PresentImage& present,
+                                                std::optional<double> known) const {
+  const std::vector<std::optional<GreyPair>> seen = shared(past, present);
+  if (seen.empty()) return std::nullopt;
+  const auto link = known ? *known / past.map.gain : gain_of_neighbours(seen, present);
+  if (!link) return std::nullopt;
+  std::vector<double> offsets;
+  for (const auto& pair : seen) {
+    if (pair) offsets.push_back(pair->past - *link * pair->now);
+  }
+  return GainOffset{past.map.gain * *link, past.map(median(std::move(offsets)))};
+}
+
+TemporalGain::PresentImage TemporalGain::present_image(const std::vector<TrackGrey>& tracks,
+                                                       const FieldAt& field) {
   assert(is_by_patch(tracks));
-  PresentImage present{tracks, nearest_of_each(tracks), {}, field};
+  PresentImage present{tracks, {}, {}, field};
   for (const TrackGrey& track : tracks) present.field_here.push_back(field(track.pixel));
+  return present;
+}
+
+GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks, const FieldAt& field,
+                                  const std::optional<MeasuredGain>& told) const {
+  PresentImage present = present_image(tracks, field);
+  const bool believed = told && contradictions_ == 0;
+  const bool known = believed && told->sigma < config_.link_sigma;
+  if (!known) present.nearest = nearest_of_each(tracks);
   const double middle = mean_grey(tracks);  // where the offsets are averaged
   double log_gain = 0, level = 0;
   int links = 0;
   const auto spacing = static_cast<std::size_t>(config_.spacing);
   for (std::size_t lag = 0; lag < images_.size(); lag += spacing) {
-    const auto map = against(images_[lag], present);
+    const auto map = against(images_[lag], present,
+                             known ? std::optional(std::exp(told->log_gain)) : std::nullopt);
     if (!map) continue;
     log_gain += std::log(map->gain);
     level += (*map)(middle);
     ++links;
   }
-  if (links == 0) return latest_;
+  if (links == 0) {
+    if (!known || tracks.empty()) return latest_;
+    const double gain = std::exp(told->log_gain);
+    return {gain, latest_(middle) - gain * middle};
+  }
+  log_gain /= links;
+  if (believed && !known) log_gain = weighted(*told, log_gain, config_.link_sigma);
   GainOffset map;
-  map.gain = std::exp(log_gain / links);
+  map.gain = std::exp(log_gain);
   map.offset = level / links - map.gain * middle;
   return map;
+}
+
+// Against one image of the window: that is enough to see what is far off.
+bool TemporalGain::contradicts(const std::vector<TrackGrey>& tracks, const FieldAt& field,
+                               const MeasuredGain& told) const {
+  if (images_.empty()) return false;
+  PresentImage present = present_image(tracks, field);
+  present.nearest = nearest_of_each(tracks);
+  const auto map = against(images_[images_.size() / 2], present, std::nullopt);
+  constexpr double kFar = 5;  // standard deviations
+  return map && std::abs(told.log_gain - std::log(map->gain)) >
+                    kFar * std::hypot(config_.link_sigma, told.sigma);
 }
 
 GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
@@ -194,10 +245,13 @@ GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor
 }
 
 GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const FieldAt& field,
-                             const GainOffset& anchor) {
-  GainOffset map = estimate(tracks, field);
+                             const std::optional<MeasuredGain>& told, const GainOffset& anchor) {
+  contradictions_ = told && contradicts(tracks, field, *told) ? contradictions_ + 1 : 0;
+  GainOffset map = estimate(tracks, field, told);
   if (last_ns_ != 0 && !tracks.empty()) {
-    map = relaxed(map, anchor, mean_grey(tracks), seconds_between(last_ns_, stamp_ns));
+    const double grey = mean_grey(tracks), since_s = seconds_between(last_ns_, stamp_ns);
+    const GainOffset same_gain{map.gain, anchor(grey) - map.gain * grey};
+    map = relaxed(map, told && contradictions_ == 0 ? same_gain : anchor, grey, since_s);
   }
   last_ns_ = stamp_ns;
   latest_ = map;
@@ -210,6 +264,7 @@ GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, con
 
 void TemporalGain::restart(const GainOffset& first) {
   images_.clear();
+  contradictions_ = 0;
   latest_ = first;
 }
 

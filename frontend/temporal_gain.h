@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/pattern_gain.h"
 
 namespace covey {
 
@@ -26,11 +27,12 @@ struct GainOffset {
 };
 
 struct TemporalConfig {
-  int window = 10;          // past images an image is compared with
-  int spacing = 3;          // images between two of them
-  int min_tracks = 12;      // shared with a past image, otherwise the two are not compared
-  int iterations = 20;      // of reweighting at most
-  double relaxation_s = 5;  // s, time constant of the pull back to what add() is given
+  int window = 10;           // past images an image is compared with
+  int spacing = 3;           // images between two of them
+  int min_tracks = 12;       // shared with a past image, otherwise the two are not compared
+  int iterations = 20;       // of reweighting at most
+  double relaxation_s = 5;   // s, time constant of the pull back to what add() is given
+  double link_sigma = 0.02;  // of the logarithm of the gain that tracks tell
 };
 
 // The same patch in two images: its mean, grey levels of either.
@@ -60,16 +62,19 @@ class TemporalGain {
   explicit TemporalGain(const TemporalConfig& config) : config_(config) {}
 
   // Tracks by rising patch_id, here and below.
-  // The map of an image from its tracks; that of the image before when they do not tell. `field`:
-  // as it is known now, for this image and the past ones alike. A field that was learnt in between
-  // would look like a gain.
-  [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks,
-                                    const FieldAt& field) const;
+  // The map of an image from its tracks, and from the gain that the sensor's pattern tells; what
+  // neither says is as in the image before. `field`: as it is known now, for this image and the
+  // past ones alike. A field that was learnt in between would look like a gain.
+  [[nodiscard]] GainOffset estimate(const std::vector<TrackGrey>& tracks, const FieldAt& field,
+                                    const std::optional<MeasuredGain>& told) const;
 
   // Estimates and remembers; images in time order. Errors of the chain would add up without end:
-  // the map is pulled towards `anchor`.
+  // the map is pulled towards `anchor`, its gain only where the pattern does not tell it.
   GainOffset add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const FieldAt& field,
-                 const GainOffset& anchor);
+                 const std::optional<MeasuredGain>& told, const GainOffset& anchor);
+
+  // Images in a row in which the tracks contradicted what was told.
+  [[nodiscard]] int contradictions() const { return contradictions_; }
 
   // Forgets the window; what follows is in the units of `first`.
   void restart(const GainOffset& first);
@@ -88,14 +93,24 @@ class TemporalGain {
     std::vector<double> field_here;
     const FieldAt& field;
   };
+  [[nodiscard]] static PresentImage present_image(const std::vector<TrackGrey>& tracks,
+                                                  const FieldAt& field);
+  [[nodiscard]] bool contradicts(const std::vector<TrackGrey>& tracks, const FieldAt& field,
+                                 const MeasuredGain& told) const;
+  [[nodiscard]] std::vector<std::optional<GreyPair>> shared(const PastImage& past,
+                                                            const PresentImage& present) const;
+  [[nodiscard]] std::optional<double> gain_of_neighbours(
+      const std::vector<std::optional<GreyPair>>& seen, const PresentImage& present) const;
   [[nodiscard]] std::optional<GainOffset> against(const PastImage& past,
-                                                  const PresentImage& present) const;
+                                                  const PresentImage& present,
+                                                  std::optional<double> known) const;
   [[nodiscard]] GainOffset relaxed(const GainOffset& map, const GainOffset& anchor, double grey,
                                    double elapsed_s) const;
 
   TemporalConfig config_;
   std::deque<PastImage> images_;  // newest first
   GainOffset latest_;
+  int contradictions_ = 0;
   TimeNs last_ns_ = 0;
 };
 

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "frontend/lag_estimator.h"
+#include "frontend/pattern_gain.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/pixel_lag.h"
 
@@ -18,12 +19,18 @@ namespace {
 const cv::Size kImage(640, 512);
 constexpr int kTracks = 200;
 
+// Slides over the same plane, with the sensor's pattern. Without noise: the few images there are
+// come again and again, and noise would be taken for the pattern.
 cv::Mat scene(int type, int shift) {
-  cv::Mat coarse(64, 80, CV_32FC1), image;
+  cv::Mat coarse(64, 80, CV_32FC1), plane, columns(1, kImage.width, CV_32FC1);
+  cv::Mat pattern(kImage, CV_32FC1);
   cv::theRNG().state = 1;
   cv::randn(coarse, 0, 1);
-  cv::resize(coarse, image, {kImage.width + 64, kImage.height}, 0, 0, cv::INTER_CUBIC);
-  image = image.colRange(shift, shift + kImage.width);
+  cv::randn(columns, 0, 0.2);
+  cv::randn(pattern, 0, 0.2);
+  cv::resize(coarse, plane, {kImage.width + 64, kImage.height}, 0, 0, cv::INTER_CUBIC);
+  cv::Mat image =
+      plane.colRange(shift, shift + kImage.width) + pattern + cv::repeat(columns, kImage.height, 1);
   image.convertTo(image, type, type == CV_8UC1 ? 4 : 60, type == CV_8UC1 ? 128 : 29500);
   return image;
 }
@@ -106,8 +113,8 @@ void GainFit(benchmark::State& state) {
   for (const TrackPlace& track : tracks(0)) {
     greys.push_back({track.patch_id, track.place.pixel, 128 + 4 * gaussian(random)});
   }
-  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, field, {});
-  for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys, field));
+  for (int k = 0; k < 40; ++k) gain.add(nanoseconds(1 + k / 30.0), greys, field, {}, {});
+  for (auto _ : state) benchmark::DoNotOptimize(gain.estimate(greys, field, {}));
 }
 BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 
@@ -163,6 +170,22 @@ void StripeImage(benchmark::State& state) {
 }
 BENCHMARK(StripeLook)->Unit(benchmark::kMillisecond);
 BENCHMARK(StripeImage)->Unit(benchmark::kMillisecond);
+
+void PatternMeasured(benchmark::State& state) {
+  PatternGain pattern(PatternGainConfig{});
+  pattern.restart(scene(CV_8UC1, 0), 255, 1);
+  for (int shift = 6; shift < 60; shift += 6) pattern.look(scene(CV_8UC1, shift), 255, 1);
+  const cv::Mat image = scene(CV_8UC1, 3);
+  for (auto _ : state) benchmark::DoNotOptimize(pattern.measure(image, 255));
+}
+void PatternLook(benchmark::State& state) {
+  PatternGain pattern(PatternGainConfig{});
+  pattern.restart(scene(CV_8UC1, 0), 255, 1);
+  const cv::Mat image = scene(CV_8UC1, 6);
+  for (auto _ : state) pattern.look(image, 255, 1);
+}
+BENCHMARK(PatternMeasured)->Unit(benchmark::kMillisecond);
+BENCHMARK(PatternLook)->Unit(benchmark::kMillisecond);
 
 // Without tracks there is nothing to fit: detection of the shutter, tables, contrast and the pass
 // over the pixels are left.

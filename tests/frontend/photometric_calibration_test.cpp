@@ -74,6 +74,59 @@ TEST(PhotometricCalibration, FindsGainWithinTwoAndFieldWithinTwentyPerCent) {
   }
 }
 
+// Each pixel a little off, grey levels of the first image.
+cv::Mat pixel_pattern(unsigned seed) {
+  cv::RNG random(seed);
+  cv::Mat pattern(kImage, CV_32FC1);
+  random.fill(pattern, cv::RNG::NORMAL, 0, 1);
+  return pattern;
+}
+
+// Of the gain against the chain's first image, relative: the worst from image `from` on. Gain and
+// offset swing.
+double worst_since_the_first(SyntheticThermal& camera, PhotometricCalibration& calibration,
+                             int from, int images, std::size_t tracks) {
+  double worst = 0;
+  for (int k = 0; k < images; ++k) {
+    camera.gain = std::exp(0.15 * std::sin(k / 10.0));
+    camera.offset = 12 * std::sin(k / 25.0);
+    std::vector<TrackPlace> seen = camera.tracks();
+    seen.resize(std::min(seen.size(), tracks));
+    (void)calibration.correct(camera.stamp_ns(), camera.expose(), seen);
+    calibration.observe(seen);
+    if (k >= from) worst = std::max(worst, std::abs(calibration.map().gain / camera.gain - 1));
+    camera.advance();
+  }
+  return worst;
+}
+
+TEST(PhotometricCalibration, TheSensorsPatternTellsTheGainWhereTracksAreFew) {
+  constexpr std::size_t kTracks = 8;
+  SyntheticThermal camera(12);
+  camera.stripes = pixel_pattern(1);
+  PhotometricConfig config;
+  PhotometricCalibration with_pattern(config, kImage);
+  EXPECT_LT(worst_since_the_first(camera, with_pattern, 60, 300, kTracks), 0.05);
+  config.pattern = false;
+  PhotometricCalibration without(config, kImage);
+  EXPECT_GT(worst_since_the_first(camera, without, 60, 300, kTracks), 0.10);
+}
+
+// A camera that corrects itself without closing its shutter.
+TEST(PhotometricCalibration, APatternThatHasBecomeAnotherIsLearntAnew) {
+  SyntheticThermal camera(13);
+  camera.stripes = pixel_pattern(1);
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  worst_since_the_first(camera, calibration, 0, 150, 200);
+  const double before = calibration.map().gain / camera.gain;
+  camera.stripes = pixel_pattern(2);
+  worst_since_the_first(camera, calibration, 0, 60, 200);
+  const double soon_after = calibration.map().gain / camera.gain;
+  worst_since_the_first(camera, calibration, 0, 200, 200);
+  EXPECT_NEAR(soon_after / before, 1, 0.05);
+  EXPECT_NEAR(calibration.map().gain / camera.gain / soon_after, 1, 0.03);
+}
+
 TEST(PhotometricCalibration, SixteenBitsGoTheSameWay) {
   SyntheticThermal camera(3);
   PhotometricCalibration calibration(free_gain(), kImage);

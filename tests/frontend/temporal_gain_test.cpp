@@ -96,7 +96,7 @@ TEST(TemporalGain, FollowsAnAutomaticGainForMinutesWithoutDrifting) {
     const GainOffset truth{
         std::exp(0.25 * std::sin(0.9 * t) + 0.02 * scene.gaussian(scene.random) * (k > 0 ? 1 : 0)),
         10 * std::sin(0.4 * t)};
-    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), no_field, {});
+    const GainOffset found = gain.add(nanoseconds(1 + t), scene.see(truth), no_field, {}, {});
     const double error = std::abs(std::log(found.gain / truth.gain));
     worst = std::max(worst, error);
     if (t < 60) worst_first_minute = std::max(worst_first_minute, error);
@@ -116,7 +116,8 @@ TEST(TemporalGain, AFieldThatBecomesKnownDoesNotChangeTheGain) {
   for (int k = 0; k < 60; ++k) {
     std::vector<TrackGrey> tracks = scene.see({});
     for (TrackGrey& track : tracks) track.grey += field(track.pixel);
-    gain.add(nanoseconds(1 + k / 30.0), tracks, k < 30 ? FieldAt(no_field) : FieldAt(field), {});
+    gain.add(nanoseconds(1 + k / 30.0), tracks, k < 30 ? FieldAt(no_field) : FieldAt(field), {},
+             {});
   }
   EXPECT_NEAR(gain.latest().gain, 1, 0.02);
 }
@@ -124,8 +125,8 @@ TEST(TemporalGain, AFieldThatBecomesKnownDoesNotChangeTheGain) {
 TEST(TemporalGain, KeepsTheLastMapWhenTooFewTracksAreShared) {
   TemporalGain gain{TemporalConfig{}};
   gain.restart({1.5, 3});
-  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, no_field, {1.5, 3}).gain, 1.5);
-  EXPECT_DOUBLE_EQ(gain.estimate({{1, {5, 5}, 10}, {2, {9, 5}, 20}}, no_field).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.add(nanoseconds(1), {}, no_field, {}, {1.5, 3}).gain, 1.5);
+  EXPECT_DOUBLE_EQ(gain.estimate({{1, {5, 5}, 10}, {2, {9, 5}, 20}}, no_field, {}).gain, 1.5);
 }
 
 TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
@@ -133,8 +134,46 @@ TEST(TemporalGain, IsPulledBackToItsAnchorSlowly) {
   config.relaxation_s = 60;
   TemporalGain gain(config);
   gain.restart({1.5, 0});
-  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, {5, 5}, 100}}, no_field, {});
+  for (int k = 1; k <= 60; ++k) gain.add(nanoseconds(k), {{1, {5, 5}, 100}}, no_field, {}, {});
   EXPECT_NEAR(std::log(gain.latest().gain), std::log(1.5) * std::exp(-59.0 / 60), 1e-9);
+}
+
+// Minutes of a pull towards a mean that is not the truth do no harm then.
+TEST(TemporalGain, ThePatternTellsItWhereTheAnchorIsWrong) {
+  Scene scene(5);
+  for (int i = 0; i < 100; ++i) scene.add_track();
+  TemporalGain gain{TemporalConfig{}};
+  const GainOffset truth{0.8, 5}, anchor{1.4, -40};
+  gain.restart(truth);
+  for (int k = 0; k < 300; ++k) {
+    gain.add(nanoseconds(1 + k / 30.0), scene.see(truth), no_field,
+             MeasuredGain{std::log(truth.gain), 0.005}, anchor);
+  }
+  EXPECT_NEAR(gain.latest().gain, truth.gain, 1e-9);
+}
+
+TEST(TemporalGain, APatternThatIsLessSureIsWeighed) {
+  Scene scene(6);
+  for (int i = 0; i < 100; ++i) scene.add_track();
+  TemporalGain gain{TemporalConfig{}};
+  gain.add(nanoseconds(1), scene.see({}), no_field, {}, {});
+  const double told = 0.09, sigma = 2 * TemporalConfig{}.link_sigma;
+  gain.add(nanoseconds(1.03), scene.see({}), no_field, MeasuredGain{told, sigma}, {});
+  EXPECT_NEAR(std::log(gain.latest().gain), told / 5, 0.012);
+}
+
+TEST(TemporalGain, APatternThatTracksContradictIsNotBelieved) {
+  Scene scene(7);
+  for (int i = 0; i < 100; ++i) scene.add_track();
+  TemporalGain gain{TemporalConfig{}};
+  gain.add(nanoseconds(1), scene.see({}), no_field, {}, {});
+  for (int k = 1; k <= 30; ++k) {
+    gain.add(nanoseconds(1 + k / 30.0), scene.see({}), no_field, MeasuredGain{0.4, 0.005}, {});
+    EXPECT_EQ(gain.contradictions(), k);
+  }
+  EXPECT_NEAR(gain.latest().gain, 1, 0.03);
+  gain.add(nanoseconds(2.1), scene.see({}), no_field, MeasuredGain{0, 0.005}, {});
+  EXPECT_EQ(gain.contradictions(), 0);
 }
 
 }  // namespace
