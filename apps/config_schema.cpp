@@ -93,7 +93,7 @@ void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
 void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
   PhotometricConfig& p = thermal.photometric;
   v.flag("spatial", p.spatial, "estimate the additive field");
-  v.number("cell_px", p.field.cell_px, {8, 256}, "[px] between nodes of the field");
+  v.count("field_cells_across", p.field.cells_across, {4, 200}, "between nodes of the field");
   v.number("field_length_cells", p.field.length_cells, {0.5, 100}, "[cells] correlation length");
   v.number("field_sigma", p.field.sigma, {1e-3, 100},
            "standard deviation of the field, of that of the image");

@@ -245,6 +245,10 @@ std::string figures_table(const Inspection& inspection,
     rows += row("lag of the pixels, estimated, ms", 1e3 * *inspection.pixel_lag_s, 2);
   }
   constexpr double kPercent = 100;
+  if (inspection.pattern_share) {
+    rows += row("images whose gain the sensor's own pattern tells, %",
+                kPercent * *inspection.pattern_share, 0);
+  }
   const auto percent = [](const std::optional<GainErrors>& errors) -> std::optional<double> {
     if (!errors) return std::nullopt;
     return kPercent * errors->mean;
@@ -305,6 +309,7 @@ nlohmann::json inspect_summary(const InspectReport& report) {
                {"calibrated", Json()},
                {"patch_residual", Json()},
                {"pixel_lag_s", to_json(inspection.pixel_lag_s)},
+               {"pattern_share", to_json(inspection.pattern_share)},
                {"truth", Json()}};
   if (inspection.calibrated) {
     json["calibrated"] = to_json(*inspection.calibrated, inspection.dataset);

@@ -109,6 +109,7 @@ class PhotometricLog {
     const TimeNs chain_ns = result.calibrated->chain_ns;
     if (result.calibrated->restarted) past_.clear();
     gains_.push_back({stamp_ns, chain_ns, calibration.map()});
+    if (calibration.pattern_told()) ++told_;
     compare_patches(calibration, pixels);
     if (stamp_ns < next_field_ns_) return;
     next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
@@ -116,6 +117,9 @@ class PhotometricLog {
   }
 
   void move_into(Inspection& inspection) {
+    if (!gains_.empty()) {
+      inspection.pattern_share = static_cast<double>(told_) / static_cast<double>(gains_.size());
+    }
     inspection.gains = std::move(gains_);
     inspection.fields = std::move(fields_);
     if (raw_residuals_.empty()) return;
@@ -148,6 +152,7 @@ class PhotometricLog {
 
   TimeNs next_field_ns_ = 0;
   std::vector<PhotometricRecord> gains_;
+  int told_ = 0;  // of them, by the sensor's pattern
   std::vector<FieldRecord> fields_;
   std::deque<Patches> past_;  // newest first
   std::vector<double> raw_residuals_, calibrated_residuals_;

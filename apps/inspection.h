@@ -63,6 +63,7 @@ struct Inspection {
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
   std::vector<FieldRecord> fields;            // twice a second
   std::optional<double> pixel_lag_s;          // time constant, as estimated at the end
+  std::optional<double> pattern_share;        // of the images, whose gain the sensor's pattern told
   // |difference| between a track's patch, its mean, and that ten images before, in standard
   // deviations of the image, median over the flight; of the same patches in raw and in calibrated
   // levels. Patches are warped with their tracks: the same piece of the scene.

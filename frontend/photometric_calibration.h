@@ -80,6 +80,8 @@ class PhotometricCalibration {
 
   // As the tracks of the last image have it, better than the map by which it was shown to them.
   [[nodiscard]] const GainOffset& map() const { return gain_.latest(); }
+  // Whether the sensor's pattern told the gain of the last image.
+  [[nodiscard]] bool pattern_told() const { return told_ && gain_.contradictions() == 0; }
   // The additive field, CV_32FC1, in grey levels of the chain's first image.
   [[nodiscard]] cv::Mat field() const;
   // Of the tracks in the last image that was observed, rising ids.

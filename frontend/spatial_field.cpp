@@ -79,8 +79,9 @@ struct SpatialField::Evidence {
 SpatialField::SpatialField(const SpatialConfig& config, cv::Size image_size)
     : config_(config),
       image_size_(image_size),
-      columns_(1 + static_cast<int>(std::ceil(image_size.width / config.cell_px))),
-      rows_(1 + static_cast<int>(std::ceil(image_size.height / config.cell_px))),
+      cell_px_(static_cast<double>(image_size.width) / config.cells_across),
+      columns_(1 + config.cells_across),
+      rows_(1 + static_cast<int>(std::ceil(image_size.height / cell_px_))),
       modes_(grid_modes(columns_, rows_, config)) {
   reset();
 }
@@ -93,7 +94,7 @@ void SpatialField::reset(double share) {
 }
 
 SpatialField::Corner SpatialField::corner(const Eigen::Vector2d& pixel) const {
-  const Eigen::Vector2d cell = pixel / config_.cell_px;
+  const Eigen::Vector2d cell = pixel / cell_px_;
   Corner corner;
   corner.x = std::clamp(static_cast<int>(cell.x()), 0, columns_ - 2);
   corner.y = std::clamp(static_cast<int>(cell.y()), 0, rows_ - 2);
@@ -181,7 +182,7 @@ cv::Mat SpatialField::image(double units_per_sigma) const {
   constexpr float kMost = INT16_MAX;  // units
   cv::Mat field(image_size_, CV_16SC1);
   const Eigen::Map<const Eigen::MatrixXf> node_rows(nodes_.data(), columns_, rows_);
-  const auto cell_px = static_cast<float>(config_.cell_px);
+  const auto cell_px = static_cast<float>(cell_px_);
   Eigen::ArrayXf column(columns_);  // the nodes' row, interpolated between two rows
   for (int y = 0; y < field.rows; ++y) {
     const Corner c = corner({0, static_cast<double>(y)});

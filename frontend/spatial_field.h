@@ -16,7 +16,7 @@
 namespace covey {
 
 struct SpatialConfig {
-  double cell_px = 16;           // px between the nodes of the grid
+  int cells_across = 40;         // of the image: the grid's and the field's scale are the sensor's
   double length_cells = 5;       // correlation length, cells
   double sigma = 0.5;            // standard deviation of the field, of that of the image
   double corrected_share = 0.3;  // of it, left when the camera has looked at its shutter
@@ -62,6 +62,7 @@ class SpatialField {
 
   SpatialConfig config_;
   cv::Size image_size_;
+  double cell_px_ = 0;          // between the nodes
   int columns_ = 0, rows_ = 0;  // of nodes
   // Nodes (row by row) x modes, each scaled by its prior deviation.
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> modes_;

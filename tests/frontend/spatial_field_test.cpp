@@ -72,6 +72,33 @@ TEST(SpatialField, IsFoundWithinATenthFromTwentyPairsOfImages) {
   EXPECT_LT(relative_error(field), 0.10);
 }
 
+// The same lens over a sensor of half as many pixels: the same field, to a rounding.
+TEST(SpatialField, ItsScaleIsThatOfTheSensor) {
+  SpatialField large(that_stands_still(), kImage), small(that_stands_still(), kImage / 2);
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> share(0, 1);
+  for (int k = 0; k < 10; ++k) {
+    std::vector<FieldDifference> differences;
+    for (int i = 0; i < 100; ++i) {
+      FieldDifference d;
+      d.from = {640 * share(random), 512 * share(random)};
+      d.to = {640 * share(random), 512 * share(random)};
+      d.from_level = truth(d.from);
+      d.to_level = truth(d.to);
+      differences.push_back(d);
+    }
+    large.update(0.2, differences);
+    for (FieldDifference& d : differences) {
+      d.from /= 2;
+      d.to /= 2;
+    }
+    small.update(0.2, differences);
+  }
+  EXPECT_NEAR(small.at({80, 200}), large.at({160, 400}), 1e-4);
+  EXPECT_NEAR(small.at({300, 30}), large.at({600, 60}), 1e-4);
+  EXPECT_LT(relative_error(large), 0.10);
+}
+
 TEST(SpatialField, BearsATenthOfTheTracksSliding) {
   SpatialField field(that_stands_still(), kImage);
   std::mt19937 random(2);
