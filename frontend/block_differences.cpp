@@ -20,35 +20,36 @@ namespace {
 
 constexpr int kBlock = 8;  // squares, side of a block
 constexpr int kSquares = kBlock * kBlock;
-constexpr int kStep = Sight::kStep;
-constexpr double kToCentre = 0.5 * (kStep - 1);  // px, from a square's first pixel
 
-Eigen::Vector2d to_pixels(const Eigen::Vector2d& square) {
-  return kStep * square + Eigen::Vector2d::Constant(kToCentre);
+// From a square's first pixel to its middle.
+Eigen::Vector2d to_centre(int side_px) { return Eigen::Vector2d::Constant(0.5 * (side_px - 1)); }
+Eigen::Vector2d to_pixels(const Eigen::Vector2d& square, int side_px) {
+  return side_px * square + to_centre(side_px);
 }
-Eigen::Vector2d to_squares(const Eigen::Vector2d& pixel) {
-  return (pixel - Eigen::Vector2d::Constant(kToCentre)) / kStep;
+Eigen::Vector2d to_squares(const Eigen::Vector2d& pixel, int side_px) {
+  return (pixel - to_centre(side_px)) / side_px;
 }
 
 template <typename Pixel>
-cv::Mat means(const cv::Mat& image) {
+cv::Mat means(const cv::Mat& image, int side_px) {
   const int white = white_level(image);
-  cv::Mat small(image.rows / kStep, image.cols / kStep, CV_32FC1);
+  cv::Mat small(image.rows / side_px, image.cols / side_px, CV_32FC1);
   for (int y = 0; y < small.rows; ++y) {
     auto* out = small.ptr<float>(y);
     for (int x = 0; x < small.cols; ++x) {
       int sum = 0;
       Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
-      for (int v = 0; v < kStep; ++v) {
-        const Pixel* in = image.ptr<Pixel>(kStep * y + v) + std::ptrdiff_t{kStep} * x;
-        for (int u = 0; u < kStep; ++u) {
+      for (int v = 0; v < side_px; ++v) {
+        const Pixel* in = image.ptr<Pixel>(side_px * y + v) + std::ptrdiff_t{side_px} * x;
+        for (int u = 0; u < side_px; ++u) {
           sum += in[u];
           least = std::min(least, in[u]);
           most = std::max(most, in[u]);
         }
       }
-      out[x] = least == 0 || most >= white ? std::numeric_limits<float>::quiet_NaN()
-                                           : static_cast<float>(sum) / (kStep * kStep);
+      out[x] = least == 0 || most >= white
+                   ? std::numeric_limits<float>::quiet_NaN()
+                   : static_cast<float>(sum) / static_cast<float>(side_px * side_px);
     }
   }
   return small;
@@ -199,11 +200,13 @@ struct Counterpart {
 // Gauss-Newton from where the flow says; how far that may be wrong keeps a block without texture
 // in its place.
 std::optional<Counterpart> follow(const Texture& block, const Eigen::Vector2d& here,
-                                  const Flow& flow, const cv::Mat& levels,
-                                  const BlockConfig& config) {
-  constexpr double kFarthest = 8;  // px, from where the flow says
-  const double prior = std::pow(config.pixel_noise * kStep / config.flow_sigma_px, 2);
-  const Eigen::Vector2d start = to_squares(flow.there(here));
+                                  const Flow& flow, const Sight& sight, const BlockConfig& config) {
+  constexpr double kFarthest = 2;  // squares, from where the flow says
+  constexpr double kNoisy_px = 4;  // side of a square that has config.pixel_noise
+  const cv::Mat& levels = sight.levels;
+  // Noise of a square, and the flow's error in squares: a smaller one has more of either.
+  const double prior = std::pow(config.pixel_noise * kNoisy_px / config.flow_sigma_px, 2);
+  const Eigen::Vector2d start = to_squares(flow.there(here), sight.side_px);
   const Eigen::Matrix2d slope = flow.slope(here);
   Eigen::Vector2d place = start;
   std::optional<Texture> found = texture(levels, place, slope);
@@ -213,23 +216,28 @@ std::optional<Counterpart> follow(const Texture& block, const Eigen::Vector2d& h
     const Eigen::Vector2d b =
         (found->slopes.transpose() * (block.values - found->values)).cast<double>();
     place += H.inverse() * (b - prior * (place - start));
-    if ((place - start).norm() * kStep > kFarthest) return std::nullopt;
+    if ((place - start).norm() > kFarthest) return std::nullopt;
     found = texture(levels, place, slope);
   }
   if (!found) return std::nullopt;
   const double misfit = (block.values - found->values).norm() / kBlock;
-  return Counterpart{to_pixels(place), found->mean, misfit};
+  return Counterpart{to_pixels(place, sight.side_px), found->mean, misfit};
 }
 
 }  // namespace
 
-cv::Mat square_means(const cv::Mat& image, const cv::Mat& mask) {
-  cv::Mat levels =
-      image.depth() == CV_8U ? means<std::uint8_t>(image) : means<std::uint16_t>(image);
+int square_side(cv::Size image) {
+  constexpr int kAcross = 160;
+  return std::max(1, image.width / kAcross);
+}
+
+cv::Mat square_means(const cv::Mat& image, int side_px, const cv::Mat& mask) {
+  cv::Mat levels = image.depth() == CV_8U ? means<std::uint8_t>(image, side_px)
+                                          : means<std::uint16_t>(image, side_px);
   if (mask.empty()) return levels;
   for (int y = 0; y < levels.rows; ++y)
     for (int x = 0; x < levels.cols; ++x) {
-      const cv::Rect square(x * Sight::kStep, y * Sight::kStep, Sight::kStep, Sight::kStep);
+      const cv::Rect square(x * side_px, y * side_px, side_px, side_px);
       if (cv::countNonZero(mask(square)) < square.area())
         levels.at<float>(y, x) = std::numeric_limits<float>::quiet_NaN();
     }
@@ -243,7 +251,7 @@ std::vector<FieldDifference> compare_blocks(const Sight& before, const Sight& no
   if (before.levels.empty() || back.size() < static_cast<std::size_t>(config.fewest_tracks)) {
     return found;
   }
-  const cv::Size image(kStep * now.levels.cols, kStep * now.levels.rows);
+  const cv::Size image(now.side_px * now.levels.cols, now.side_px * now.levels.rows);
   const Flow to_now(shared(before.tracks, now.tracks), image);
   const Flow to_before(std::move(back), image);
   const int columns = now.levels.cols / kBlock, rows = now.levels.rows / kBlock;
@@ -253,9 +261,9 @@ std::vector<FieldDifference> compare_blocks(const Sight& before, const Sight& no
     const auto block = grid_block(lies_now ? now.levels : before.levels, column, row);
     if (!block) continue;
     const Eigen::Vector2d here =
-        to_pixels({kBlock * (column + 0.5) - 0.5, kBlock * (row + 0.5) - 0.5});
-    const auto other = follow(*block, here, lies_now ? to_before : to_now,
-                              lies_now ? before.levels : now.levels, config);
+        to_pixels({kBlock * (column + 0.5) - 0.5, kBlock * (row + 0.5) - 0.5}, now.side_px);
+    const auto other =
+        follow(*block, here, lies_now ? to_before : to_now, lies_now ? before : now, config);
     if (!other) continue;
     FieldDifference difference{other->pixel, here, other->level, block->mean};
     if (!lies_now) difference = {here, other->pixel, block->mean, other->level};

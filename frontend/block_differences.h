@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // What shows the additive field: blocks from all over the image, followed from one sight to the
-// next. Where a block was the tracks around it tell roughly; aligning it in images of a quarter of
-// the size, its mean taken off, tells it well enough for the mean of 32x32 px. The mean of so many
+// next. Where a block was the tracks around it tell roughly; aligning it in images 160 squares
+// across, its mean taken off, tells it well enough for the mean of 8x8 squares. The mean of so many
 // pixels has little noise, and there are blocks where there is no corner: at the borders, in the
-// sky.
+// sky. The field is as wide as the image, so squares are as well: 4 px of 640, 1 px of 160.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -19,20 +19,24 @@ struct BlockConfig {
   int fewest_tracks = 12;     // shared by two sights, otherwise they are not compared
   int iterations = 2;         // of aligning a block
   double flow_sigma_px = 1;   // px, of the place that tracks predict for a block
-  double pixel_noise = 0.05;  // of a pixel of the small image, of the image's standard deviation
+  double pixel_noise = 0.05;  // of 4x4 px, of the image's standard deviation
   double level_noise = 0.02;  // of the mean of a block that fits perfectly, likewise
   double misfit_noise = 0.3;  // of that mean for each unit of what the texture differs, RMS
 };
 
 struct Sight {
-  static constexpr int kStep = 4;  // px, side of a square
-  cv::Mat levels;                  // CV_32FC1, mean of each square; NaN: it has none
-  std::vector<TrackGrey> tracks;   // by patch
+  int side_px = 4;                // of a square
+  cv::Mat levels;                 // CV_32FC1, mean of each square; NaN: it has none
+  std::vector<TrackGrey> tracks;  // by patch
 };
+
+// Of the squares of an image, px.
+[[nodiscard]] int square_side(cv::Size image);
 
 // Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white), or that
 // `mask` (as the tracker's) leaves out, has no mean: NaN.
-[[nodiscard]] cv::Mat square_means(const cv::Mat& image, const cv::Mat& mask = cv::Mat());
+[[nodiscard]] cv::Mat square_means(const cv::Mat& image, int side_px,
+                                   const cv::Mat& mask = cv::Mat());
 
 // Half the blocks lie on the grid now, the other half did before, as on a chessboard. A block's
 // counterpart is interpolated and so has a little less contrast: were it always the earlier one,

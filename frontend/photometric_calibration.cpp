@@ -336,9 +336,10 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
 
 // The current image as the field is looked for in it.
 Sight PhotometricCalibration::sight() const {
-  Sight sight{square_means(image_, mask_), seen_};
+  const int side_px = square_side(image_.size());
+  Sight sight{side_px, square_means(image_, side_px, mask_), seen_};
   for (const cv::Point& bad : bad_pixels_) {
-    const cv::Point square = bad / Sight::kStep;
+    const cv::Point square = bad / side_px;
     if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;
     sight.levels.at<float>(square) = std::numeric_limits<float>::quiet_NaN();
   }

@@ -120,7 +120,7 @@ BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 
 Sight sight(int shift) {
   Sight sight;
-  square_means(scene(CV_8UC1, shift)).convertTo(sight.levels, CV_32F, 0.25);
+  square_means(scene(CV_8UC1, shift), 4).convertTo(sight.levels, CV_32F, 0.25);
   for (const TrackPlace& track : tracks(shift)) {
     sight.tracks.push_back({track.patch_id, track.place.pixel, 0});
   }
@@ -133,7 +133,7 @@ constexpr double kRefresh_s = 0.1;
 
 void FieldSight(benchmark::State& state) {
   const cv::Mat image = scene(CV_8UC1, 0);
-  for (auto _ : state) benchmark::DoNotOptimize(square_means(image).data);
+  for (auto _ : state) benchmark::DoNotOptimize(square_means(image, 4).data);
 }
 void FieldBlocks(benchmark::State& state) {
   const Sight before = sight(0), now = sight(6);

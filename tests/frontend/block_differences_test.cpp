@@ -17,7 +17,9 @@ constexpr double kDeviation = 30;  // grey levels, of the synthetic scene
 
 Sight take(SyntheticThermal& camera) {
   Sight sight;
-  square_means(camera.expose()).convertTo(sight.levels, CV_32F, 1 / kDeviation);
+  const cv::Mat image = camera.expose();
+  sight.side_px = square_side(image.size());
+  square_means(image, sight.side_px).convertTo(sight.levels, CV_32F, 1 / kDeviation);
   for (const TrackPlace& track : camera.tracks()) {
     sight.tracks.push_back({track.patch_id, track.place.pixel, 0});
   }
@@ -118,21 +120,28 @@ TEST(BlockDifferences, SquaresAreMeansAndHaveNoneWithABlackOrWhitePixel) {
   image.at<std::uint8_t>(1, 5) = 116;
   image.at<std::uint8_t>(6, 1) = 0;
   image.at<std::uint8_t>(7, 11) = 255;
-  const cv::Mat means = square_means(image);
+  const cv::Mat means = square_means(image, 4);
   ASSERT_EQ(means.size(), cv::Size(3, 2));
   EXPECT_EQ(means.at<float>(0, 0), 100);
   EXPECT_EQ(means.at<float>(0, 1), 101);
   EXPECT_TRUE(std::isnan(means.at<float>(1, 0)));
   EXPECT_TRUE(std::isnan(means.at<float>(1, 2)));
   cv::Mat wide(4, 4, CV_16UC1, cv::Scalar(29500));
-  EXPECT_EQ(square_means(wide).at<float>(0, 0), 29500);
+  EXPECT_EQ(square_means(wide, 4).at<float>(0, 0), 29500);
+}
+
+TEST(BlockDifferences, SquaresAreAsWideAsTheImageAllows) {
+  EXPECT_EQ(square_side({640, 512}), 4);
+  EXPECT_EQ(square_side({320, 256}), 2);
+  EXPECT_EQ(square_side({160, 120}), 1);
+  EXPECT_EQ(square_side({80, 60}), 1);
 }
 
 TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
   const cv::Mat image(8, 12, CV_8UC1, cv::Scalar(100));
   cv::Mat mask(8, 12, CV_8UC1, cv::Scalar(255));
   mask.at<std::uint8_t>(3, 8) = 0;
-  const cv::Mat means = square_means(image, mask);
+  const cv::Mat means = square_means(image, 4, mask);
   EXPECT_TRUE(std::isnan(means.at<float>(0, 2)));
   EXPECT_EQ(cv::countNonZero(means == 100), 5);
 }
@@ -140,11 +149,11 @@ TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
 TEST(BlockDifferences, ASensorOfFourteenBitsSaturatesBelowItsImagesWhite) {
   cv::Mat image(4, 8, CV_16UC1, cv::Scalar(9000));
   image.at<std::uint16_t>(2, 6) = 16383;
-  const cv::Mat means = square_means(image);
+  const cv::Mat means = square_means(image, 4);
   EXPECT_EQ(means.at<float>(0, 0), 9000);
   EXPECT_TRUE(std::isnan(means.at<float>(0, 1)));
   image.at<std::uint16_t>(2, 6) = 16000;  // merely bright
-  EXPECT_EQ(square_means(image).at<float>(0, 1), 9437.5F);
+  EXPECT_EQ(square_means(image, 4).at<float>(0, 1), 9437.5F);
 }
 
 }  // namespace
