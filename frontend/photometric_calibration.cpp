@@ -276,16 +276,22 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
   check_pixels();
 }
 
+// Whether the scene has, since the tracks of an earlier look; if so the next one counts from here.
+bool PhotometricCalibration::has_moved(std::vector<TrackGrey>& since, double travel_px) const {
+  if (since.empty()) since = seen_;
+  const std::optional<double> moved_px = median_travel(since, seen_);
+  if (moved_px && *moved_px < travel_px) return false;
+  since = seen_;
+  return true;
+}
+
 // A camera that has corrected itself unnoticed has another pattern.
 void PhotometricCalibration::look_at_pattern() {
   if (gain_.contradictions() >= config_.pattern_gain.contradictions) {
     looked_.clear();
     pattern_gain_.restart(image_, white_, gain_.latest().gain);
   }
-  if (looked_.empty()) looked_ = seen_;
-  const std::optional<double> travel_px = median_travel(looked_, seen_);
-  if (travel_px && *travel_px < config_.pattern_gain.travel_px) return;
-  looked_ = seen_;
+  if (!has_moved(looked_, config_.pattern_gain.travel_px)) return;
   pattern_gain_.look(image_, white_, gain_.latest().gain);
 }
 
@@ -295,10 +301,8 @@ void PhotometricCalibration::check_pixels() {
   if (checked_ns_ == 0) checked_ns_ = stamp_ns_;
   if (checked_.empty()) checked_ = seen_;
   if (seconds_between(checked_ns_, stamp_ns_) < config_.bad_pixels.interval_s) return;
-  const std::optional<double> travel_px = median_travel(checked_, seen_);
-  if (travel_px && *travel_px < config_.bad_pixels.travel_px) return;
+  if (!has_moved(checked_, config_.bad_pixels.travel_px)) return;
   checked_ns_ = stamp_ns_;
-  checked_ = seen_;
   find_bad_pixels(image_);
 }
 

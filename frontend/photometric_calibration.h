@@ -98,6 +98,7 @@ class PhotometricCalibration {
   void refresh(double elapsed_s);
   [[nodiscard]] cv::Mat sensor_levels() const;
   void rebuild_bias();
+  [[nodiscard]] bool has_moved(std::vector<TrackGrey>& since, double travel_px) const;
   void look_at_pattern();
   void check_pixels();
   void find_bad_pixels(const cv::Mat& image);

@@ -192,12 +192,22 @@ TemporalGain::PresentImage TemporalGain::present_image(const std::vector<TrackGr
   return present;
 }
 
+// Sure enough that tracks need not be asked for the gain.
+bool TemporalGain::is_sure(const std::optional<MeasuredGain>& told) const {
+  return told && contradictions_ == 0 && told->sigma < config_.link_sigma;
+}
+
 GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks, const FieldAt& field,
                                   const std::optional<MeasuredGain>& told) const {
   PresentImage present = present_image(tracks, field);
-  const bool believed = told && contradictions_ == 0;
-  const bool known = believed && told->sigma < config_.link_sigma;
-  if (!known) present.nearest = nearest_of_each(tracks);
+  if (!is_sure(told)) present.nearest = nearest_of_each(tracks);
+  return estimate(present, told);
+}
+
+GainOffset TemporalGain::estimate(const PresentImage& present,
+                                  const std::optional<MeasuredGain>& told) const {
+  const std::vector<TrackGrey>& tracks = present.tracks;
+  const bool known = is_sure(told);
   const double middle = mean_grey(tracks);  // where the offsets are averaged
   double log_gain = 0, level = 0;
   int links = 0;
@@ -216,7 +226,8 @@ GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks, const Fi
     return {gain, latest_(middle) - gain * middle};
   }
   log_gain /= links;
-  if (believed && !known) log_gain = weighted(*told, log_gain, config_.link_sigma);
+  if (told && contradictions_ == 0 && !known)
+    log_gain = weighted(*told, log_gain, config_.link_sigma);
   GainOffset map;
   map.gain = std::exp(log_gain);
   map.offset = level / links - map.gain * middle;
@@ -224,11 +235,8 @@ GainOffset TemporalGain::estimate(const std::vector<TrackGrey>& tracks, const Fi
 }
 
 // Against one image of the window: that is enough to see what is far off.
-bool TemporalGain::contradicts(const std::vector<TrackGrey>& tracks, const FieldAt& field,
-                               const MeasuredGain& told) const {
+bool TemporalGain::contradicts(const PresentImage& present, const MeasuredGain& told) const {
   if (images_.empty()) return false;
-  PresentImage present = present_image(tracks, field);
-  present.nearest = nearest_of_each(tracks);
   const auto map = against(images_[images_.size() / 2], present, std::nullopt);
   constexpr double kFar = 5;  // standard deviations
   return map && std::abs(told.log_gain - std::log(map->gain)) >
@@ -246,8 +254,10 @@ GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor
 
 GainOffset TemporalGain::add(TimeNs stamp_ns, std::vector<TrackGrey> tracks, const FieldAt& field,
                              const std::optional<MeasuredGain>& told, const GainOffset& anchor) {
-  contradictions_ = told && contradicts(tracks, field, *told) ? contradictions_ + 1 : 0;
-  GainOffset map = estimate(tracks, field, told);
+  PresentImage present = present_image(tracks, field);
+  present.nearest = nearest_of_each(tracks);
+  contradictions_ = told && contradicts(present, *told) ? contradictions_ + 1 : 0;
+  GainOffset map = estimate(present, told);
   if (last_ns_ != 0 && !tracks.empty()) {
     const double grey = mean_grey(tracks), since_s = seconds_between(last_ns_, stamp_ns);
     const GainOffset same_gain{map.gain, anchor(grey) - map.gain * grey};

@@ -95,8 +95,10 @@ class TemporalGain {
   };
   [[nodiscard]] static PresentImage present_image(const std::vector<TrackGrey>& tracks,
                                                   const FieldAt& field);
-  [[nodiscard]] bool contradicts(const std::vector<TrackGrey>& tracks, const FieldAt& field,
-                                 const MeasuredGain& told) const;
+  [[nodiscard]] bool is_sure(const std::optional<MeasuredGain>& told) const;
+  [[nodiscard]] GainOffset estimate(const PresentImage& present,
+                                    const std::optional<MeasuredGain>& told) const;
+  [[nodiscard]] bool contradicts(const PresentImage& present, const MeasuredGain& told) const;
   [[nodiscard]] std::vector<std::optional<GreyPair>> shared(const PastImage& past,
                                                             const PresentImage& present) const;
   [[nodiscard]] std::optional<double> gain_of_neighbours(

@@ -55,9 +55,10 @@ class Sensor {
   bool rises_ = false;
 };
 
-void learn(PatternGain& pattern, Sensor& sensor, int looks = 30) {
+// `told`: what the gain of each look is said to be.
+void learn(PatternGain& pattern, Sensor& sensor, int looks = 30, double told = 1) {
   pattern.restart(sensor.look(1), kWhite8, 1);
-  for (int i = 0; i < looks; ++i) pattern.look(sensor.look(1), kWhite8, 1);
+  for (int i = 0; i < looks; ++i) pattern.look(sensor.look(1), kWhite8, told);
 }
 
 TEST(PatternGain, FindsTheGainOfAnImageWithoutATrack) {
@@ -75,8 +76,7 @@ TEST(PatternGain, FindsTheGainOfAnImageWithoutATrack) {
 TEST(PatternGain, ErrorsOfTheLooksGainsDoNotMatter) {
   Sensor sensor(2);
   PatternGain pattern{PatternGainConfig{}};
-  pattern.restart(sensor.look(1), kWhite8, 1);
-  for (int i = 0; i < 30; ++i) pattern.look(sensor.look(1), kWhite8, 1.2);
+  learn(pattern, sensor, 30, 1.2);
   const auto found = pattern.measure(sensor.look(1), kWhite8);
   ASSERT_TRUE(found);
   EXPECT_NEAR(found->log_gain, 0, 0.03);
