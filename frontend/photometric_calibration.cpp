@@ -277,7 +277,9 @@ void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
 }
 
 // Whether the scene has, since the tracks of an earlier look; if so the next one counts from here.
+// While nothing is tracked nobody knows.
 bool PhotometricCalibration::has_moved(std::vector<TrackGrey>& since, double travel_px) const {
+  if (seen_.empty()) return false;
   if (since.empty()) since = seen_;
   const std::optional<double> moved_px = median_travel(since, seen_);
   if (moved_px && *moved_px < travel_px) return false;
