@@ -120,14 +120,20 @@ OnboardConfig onboard_config(const AgentConfig& config) {
   return onboard;
 }
 
-// Drones that start in worlds of their own may be anywhere in each other's.
-CollaboratorConfig collaborator_config(const AgentConfig& config) {
+// Drones that start in worlds of their own may be anywhere in each other's; others are off by what
+// they drift and by how wrong their starts may be.
+CollaboratorConfig collaborator_config(const AgentConfig& config, bool has_truth) {
+  constexpr double kSigmas = 3;
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
-  collaboration.matching.common_start = config.fusion.drift.common_start;
-  if (!config.fusion.drift.common_start) {
-    collaboration.matching.verification.max_offset = 1e6;
-    collaboration.matching.verification.max_yaw = M_PI;
+  const DriftConfig drift = drift_config(config.fusion, has_truth);
+  VerificationConfig& verification = collaboration.matching.verification;
+  collaboration.matching.common_start = drift.common_start;
+  verification.max_offset += kSigmas * drift.start_position_sigma_m;
+  verification.max_yaw += kSigmas * drift.start_yaw_sigma;
+  if (!drift.common_start) {
+    verification.max_offset = 1e6;
+    verification.max_yaw = M_PI;
   }
   return collaboration;
 }

@@ -85,7 +85,7 @@ struct FusionConfig {
   double start_position_sigma_m = 0.1;          // m
   double start_yaw_sigma = 2.0 / 180.0 * M_PI;  // rad
 };
-// What of it the drift filter takes.
+// What of it the drift filter takes. `has_truth`: does ground truth say where this drone starts?
 [[nodiscard]] DriftConfig drift_config(const FusionConfig& fusion, bool has_truth);
 
 enum class ThermalMode {
@@ -143,8 +143,8 @@ void merge_config(const nlohmann::json& json, const std::string& file, AgentConf
 // What it hears and says aboard, in a live flight.
 [[nodiscard]] OnboardConfig onboard_config(const AgentConfig& config);
 
-// What this drone's side of the exchange is set to.
-[[nodiscard]] CollaboratorConfig collaborator_config(const AgentConfig& config);
+// What this drone's side of the exchange is set to. `has_truth`: as for drift_config().
+[[nodiscard]] CollaboratorConfig collaborator_config(const AgentConfig& config, bool has_truth);
 
 // Throws std::runtime_error for settings that contradict each other, which name both keys.
 void require_possible(const AgentConfig& config);

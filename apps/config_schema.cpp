@@ -360,8 +360,9 @@ void visit_matching(CollaboratorConfig& c, ConfigVisitor& v) {
   v.count("verify_max_iterations", m.verification.max_iterations, {1, 1e6}, "of RANSAC");
   v.number("verify_max_offset_sigma_m", m.verification.max_offset_sigma, {0, 1e6},
            "[m] left by the inliers at 1 px");
-  v.number("verify_max_offset_m", m.verification.max_offset, {0, 1e6}, "[m] between two drones");
-  v.angle("verify_max_yaw_deg", m.verification.max_yaw, {0, 180}, "[deg] between two drones");
+  v.number("verify_max_offset_m", m.verification.max_offset, {0, 1e6},
+           "[m] between where a peer's world is known to lie and where it is found");
+  v.angle("verify_max_yaw_deg", m.verification.max_yaw, {0, 180}, "[deg] the same");
   v.number("guided_radius_px", m.guided.radius_px, {0.01, 100},
            "[px] about where a peer's landmark must appear");
   v.count("guided_max_distance_bits", m.guided.max_distance_bits, {0, 64}, "of 64");

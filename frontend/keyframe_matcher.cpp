@@ -39,26 +39,27 @@ std::vector<OwnFeature> features_of(const Keyframe& own) {
   return features;
 }
 
-std::vector<PeerPoint> points_of(const KeyframePose& pose, const std::vector<PeerLandmark>& seen) {
+// In the own world, as far as the other camera's pose is right in it.
+std::vector<PeerPoint> points_of(const Eigen::Isometry3d& T_world_other,
+                                 const std::vector<PeerLandmark>& seen) {
   std::vector<PeerPoint> points;
   points.reserve(seen.size());
   for (const PeerLandmark& landmark : seen) {
     points.push_back(
-        {pose.T_world_cam * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval(),
+        {T_world_other * (landmark.bearing.homogeneous() / landmark.inverse_depth).eval(),
          landmark.descriptor});
   }
   return points;
 }
 
-// Camera to camera, once the offset between the worlds is known.
-Eigen::Isometry3d relative_pose(const KeyframePose& own, const KeyframePose& other,
-                                const FrameOffset& offset) {
-  const Eigen::Vector3d c = own.T_world_cam.translation();
-  Eigen::Isometry3d T_own_other_world = Eigen::Isometry3d::Identity();
-  T_own_other_world.linear() =
-      Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  T_own_other_world.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
-  return (T_own_other_world * other.T_world_cam).inverse() * own.T_world_cam;
+// Camera to camera, once it is known by how much the other one's pose is wrong.
+Eigen::Isometry3d relative_pose(const Eigen::Isometry3d& T_world_own,
+                                const Eigen::Isometry3d& T_world_other, const FrameOffset& offset) {
+  const Eigen::Vector3d c = T_world_own.translation();
+  Eigen::Isometry3d correction = Eigen::Isometry3d::Identity();
+  correction.linear() = Eigen::AngleAxisd(offset.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  correction.translation() = to_own_world(offset, c, Eigen::Vector3d::Zero());
+  return (correction * T_world_other).inverse() * T_world_own;
 }
 
 template <typename Search>
@@ -175,8 +176,7 @@ std::optional<Eigen::Isometry3d> KeyframeMatcher::likely_world_of(const std::str
   return known || world == worlds_.end() ? known : world->second.supposed;
 }
 
-// First among corners that lie about where odometry puts them, if the worlds are one; then
-// anywhere.
+// First among corners that lie about where they are expected, then anywhere.
 VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
                                                  const std::vector<OwnFeature>& features,
                                                  const std::vector<PeerPoint>& points) const {
@@ -217,7 +217,9 @@ VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
 std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
                                                             const PeerKeyframe& other) const {
   const std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.max_relative_sigma);
-  const std::vector<PeerPoint> points = points_of(other.pose, landmarks);
+  const Eigen::Isometry3d T_world_other =
+      world_of(other.sender).value_or(Eigen::Isometry3d::Identity()) * other.pose.T_world_cam;
+  const std::vector<PeerPoint> points = points_of(T_world_other, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
   std::vector<Search> searches = look_where_expected(own, other, landmarks);
   VerificationResult result = verify_in_place(own, points, searches);
@@ -225,7 +227,7 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   if (!in_place && other.described) result = verify_pairs(own, features, points);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
   const FrameOffset& offset = result.verified->offset;
-  const Eigen::Isometry3d T_other_own = relative_pose(own.pose, other.pose, offset);
+  const Eigen::Isometry3d T_other_own = relative_pose(own.pose.T_world_cam, T_world_other, offset);
   const auto match_in_reach = other.described ? match_guided : match_nearest;
   const std::vector<IndexPair> pairs =
       match_in_reach(own.pose.T_world_cam, offset, features, points, camera_, config_.guided);

@@ -41,7 +41,7 @@ struct VerificationConfig {
   double min_inlier_share = 0.25;  // of the descriptor matches
   int max_iterations = 300;
   double max_offset_sigma = 0.5;  // m, left by the inliers at 1 px: points on one spot fix nothing
-  // The drones start in one frame: what is left between them is drift.
+  // The drones start in one frame, or it is known how their frames lie: what is left is drift.
   double max_offset = 3.0;  // m
   double max_yaw = 0.1;     // rad
 };

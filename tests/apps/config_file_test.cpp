@@ -210,13 +210,23 @@ TEST(AgentConfig, RadioAndSensorsAreNotHeardAtOneAddress) {
 
 TEST(AgentConfig, WithoutACommonStartPeersMayBeAnywhere) {
   AgentConfig config;
-  const VerificationConfig near = collaborator_config(config).matching.verification;
+  const VerificationConfig near = collaborator_config(config, true).matching.verification;
   EXPECT_EQ(near.max_offset, config.collaboration.matching.verification.max_offset);
   config.fusion.drift.common_start = false;
-  const CollaboratorConfig lost = collaborator_config(config);
+  const CollaboratorConfig lost = collaborator_config(config, true);
   EXPECT_FALSE(lost.matching.common_start);
   EXPECT_GE(lost.matching.verification.max_offset, 1e6);
   EXPECT_GE(lost.matching.verification.max_yaw, M_PI);
+}
+
+TEST(AgentConfig, MeasuredStartsMayBeAsWrongAsTheyAreSaidToBe) {
+  AgentConfig config;
+  config.fusion.start_position_sigma_m = 1;
+  config.fusion.start_yaw_sigma = 0.1;
+  const VerificationConfig exact = collaborator_config(config, true).matching.verification;
+  const VerificationConfig measured = collaborator_config(config, false).matching.verification;
+  EXPECT_DOUBLE_EQ(measured.max_offset - exact.max_offset, 3);
+  EXPECT_DOUBLE_EQ(measured.max_yaw - exact.max_yaw, 0.3);
 }
 
 TEST(AgentConfig, StartsAreExactWhereGroundTruthTellsThem) {

@@ -590,6 +590,20 @@ TEST(Collaborator, RefusesAWorldThatIsFiveMetresOff) {
   EXPECT_EQ(reason_of(team.uav0.match(answer)), NoMatchReason::kOffsetTooLarge);
 }
 
+TEST(Collaborator, TakesOneThatIsKnownToLieFiveMetresOff) {
+  Team team;
+  PeerKeyframe answer = team.ask();
+  Eigen::Isometry3d T_own_peer = Eigen::Isometry3d::Identity();
+  T_own_peer.translation().y() = 5;
+  answer.pose.T_world_cam = T_own_peer.inverse() * answer.pose.T_world_cam;
+  team.uav0.know_world("uav1", T_own_peer);
+  const auto result = team.uav0.match(answer);
+  const auto* match = std::get_if<KeyframeMatch>(&result);
+  ASSERT_NE(match, nullptr) << to_string(std::get<NoMatch>(result).reason);
+  const Eigen::Isometry3d T_other_own = team.looked_at.inverse() * match->own.T_world_cam;
+  EXPECT_LT((match->T_other_own.translation() - T_other_own.translation()).norm(), 0.1);
+}
+
 TEST(Collaborator, ToleratesTheDriftOfAPeer) {
   Team team;
   PeerKeyframe answer = team.ask();

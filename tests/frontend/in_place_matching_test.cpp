@@ -181,6 +181,19 @@ TEST(InPlaceMatching, UntilThenItIsLookedForWhereItIsSupposedToBe) {
   expect_found(ask(uav0, wall, wall, far_world()));
 }
 
+// By how much worlds may differ counts from where they are known to lie: two odometries that have
+// drifted far apart, or started at a wrong heading, do so by more than strangers may.
+TEST(InPlaceMatching, AWorldThatIsKnownMayLieAnywhere) {
+  const SlantedPlane wall(small_camera());
+  Eigen::Isometry3d known = far_world();
+  known.linear() = exp_so3({0.01, 0, 0.3});
+  known.translation().x() += 20;
+  Collaborator uav0 = make_drone("uav0");
+  EXPECT_TRUE(std::holds_alternative<NoMatch>(ask(uav0, wall, wall, known)));
+  uav0.know_world("uav1", known);
+  expect_found(ask(uav0, wall, wall, known));
+}
+
 // What is remembered of a peer stands where its world was taken to be.
 TEST(InPlaceMatching, WhatIsRememberedMovesWithAWorldThatWasWrong) {
   const SlantedPlane wall(small_camera());
