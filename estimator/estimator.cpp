@@ -116,6 +116,7 @@ struct Estimator::Impl {
   double now_ms() const { return clock == nullptr ? 0.0 : clock(); }
   void start(const State& initial);
   std::optional<ImuInterval> propagate(TimeNs stamp_ns, UpdateReport& report);
+  Eigen::Vector3d turn_rate(TimeNs stamp_ns) const;
   bool is_newest(TimeNs image_stamp_ns) const;
   bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
@@ -189,6 +190,13 @@ std::optional<ImuInterval> Estimator::Impl::propagate(TimeNs stamp_ns, UpdateRep
   if (glimpsed) carry(glimpsed->state);
   imu.forget_before(stamp_ns - nanoseconds(2 * config.still_window_s));
   return interval;
+}
+
+// rad/s, in imu; zero without any sample.
+Eigen::Vector3d Estimator::Impl::turn_rate(TimeNs stamp_ns) const {
+  const std::optional<ImuSample> moment = imu.at(stamp_ns);
+  if (!moment) return Eigen::Vector3d::Zero();
+  return moment->gyro_imu - state->imu().gyro_bias;
 }
 
 // Of the images that have come so far, by their own clock.
@@ -533,9 +541,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     if (report.zero_velocity) self.glimpsed.reset();
   }
   const bool keyframe = self.becomes_keyframe(measurement.stamp_ns, tracks);
-  const Eigen::Vector3d rate =
-      interval ? (interval->samples.back().gyro_imu - self.state->imu().gyro_bias).eval()
-               : Eigen::Vector3d::Zero().eval();
+  const Eigen::Vector3d rate = self.turn_rate(stamp_ns);
   const auto clone = [&](State& state) {
     state.add_clone(self.next_clone_id, measurement.stamp_ns, keyframe, rate);
   };

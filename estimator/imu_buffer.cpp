@@ -24,14 +24,19 @@ bool ImuBuffer::covers(TimeNs stamp_ns) const {
   return !samples_.empty() && samples_.back().stamp_ns >= stamp_ns;
 }
 
+std::optional<ImuSample> ImuBuffer::at(TimeNs stamp_ns) const {
+  if (samples_.empty()) return std::nullopt;
+  const auto later = std::lower_bound(samples_.begin(), samples_.end(), stamp_ns, earlier);
+  if (later != samples_.begin() && later != samples_.end()) {
+    return interpolate(*(later - 1), *later, stamp_ns);
+  }
+  const ImuSample& held = later == samples_.begin() ? samples_.front() : samples_.back();
+  return ImuSample{stamp_ns, held.gyro_imu, held.accel_imu};
+}
+
 ImuInterval ImuBuffer::between(TimeNs from_ns, TimeNs to_ns) const {
   const auto after = [&](TimeNs stamp_ns) {
     return std::lower_bound(samples_.begin(), samples_.end(), stamp_ns, earlier);
-  };
-  const auto at = [&](TimeNs stamp_ns) {
-    const auto later = after(stamp_ns);
-    if (later == samples_.begin()) return ImuSample{stamp_ns, later->gyro_imu, later->accel_imu};
-    return interpolate(*(later - 1), *later, stamp_ns);
   };
   // Between the measured samples around a moment; before the first one from that moment on.
   const auto span_s = [&](auto later, TimeNs moment_ns) {
@@ -41,10 +46,10 @@ ImuInterval ImuBuffer::between(TimeNs from_ns, TimeNs to_ns) const {
   ImuInterval interval;
   interval.first_span_s = span_s(after(from_ns + 1), from_ns);
   interval.last_span_s = span_s(after(to_ns), from_ns);
-  interval.samples.push_back(at(from_ns));
+  interval.samples.push_back(*at(from_ns));
   for (auto next = after(from_ns + 1); next->stamp_ns < to_ns; ++next)
     interval.samples.push_back(*next);
-  interval.samples.push_back(at(to_ns));
+  interval.samples.push_back(*at(to_ns));
   return interval;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include "estimator/imu_increment.h"
@@ -20,6 +21,8 @@ class ImuBuffer {
 
   [[nodiscard]] bool covers(TimeNs stamp_ns) const;
 
+  // Interpolated; held before the first sample and after the last. None without any.
+  [[nodiscard]] std::optional<ImuSample> at(TimeNs stamp_ns) const;
   // From `from_ns` to `to_ns`, both ends interpolated (held before the first sample). Needs
   // covers(to_ns) and from_ns < to_ns.
   [[nodiscard]] ImuInterval between(TimeNs from_ns, TimeNs to_ns) const;

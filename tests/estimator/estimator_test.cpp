@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <utility>
@@ -279,6 +280,25 @@ TEST(Estimator, FindsWhatIsWrongWithTheCameraAndSaysHowSureThatIs) {
   // The principal point hardly shows in so short a flight.
   EXPECT_LT(left.head<2>().cwiseAbs().maxCoeff(), 0.002);
   EXPECT_LT(left.cwiseQuotient(sigma.intrinsics).cwiseAbs().maxCoeff(), kMostSigma);
+}
+
+// The first image too was taken where the drone pointed at a moment that is not known exactly.
+TEST(Estimator, WhoTurnsWhenItStartsIsNotSureWhereTheFirstImagePoints) {
+  constexpr double kRate = 0.8, kSigma_s = 0.01;  // rad/s
+  EstimatorConfig config;
+  config.calibrate_time_offset = true;
+  config.time_offset_sigma_s = kSigma_s;
+  Estimator estimator(config);
+  estimator.initialize(start_at(1));
+  for (int i = 0; i <= 40; ++i) {
+    ImuSample sample = still_sample(0.9 + i / kImuRate_hz);
+    sample.gyro_imu.z() = kRate;
+    estimator.add_imu(sample);
+  }
+  for (const double image_s : {1.0, 1.05}) {
+    (void)estimator.add_camera(image_at(image_s));
+    EXPECT_GT(estimator.camera()->covariance(5, 5), std::pow(kRate * kSigma_s, 2)) << image_s;
+  }
 }
 
 // The camera's pose is that of its clone; what is not known of the extrinsics is not known of it.
