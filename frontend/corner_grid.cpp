@@ -65,14 +65,19 @@ CornerGrid::CornerGrid(const CornerConfig& config, cv::Size image_size, int max_
   const double side = std::sqrt(static_cast<double>(image_size.area()) / std::max(1, max_tracks));
   columns_ = std::max(1, static_cast<int>(std::lround(image_size.width / side)));
   rows_ = std::max(1, static_cast<int>(std::lround(image_size.height / side)));
+  constexpr double kCells = 1.2;  // apart at most: else so many tracks have no room
+  min_distance_ = std::min(config.min_distance, kCells * side);
   Cell fresh;
   fresh.threshold = config.start_threshold;
   cells_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), fresh);
+  for (int i = 0; i < columns_ * rows_; ++i) {
+    cells_[static_cast<std::size_t>(i)].beyond = cell_area(i).empty();
+  }
 }
 
 int CornerGrid::cell_capacity() const {
   const auto barren = std::count_if(cells_.begin(), cells_.end(), [](const Cell& cell) {
-    return cell.barren && cell.occupied == 0;
+    return cell.beyond || (cell.barren && cell.occupied == 0);
   });
   const int fertile = std::max(1, static_cast<int>(cells_.size()) - static_cast<int>(barren));
   return std::clamp((max_tracks_ + fertile - 1) / fertile, 1, config_.max_per_cell);
@@ -113,7 +118,7 @@ void CornerGrid::find_in_cell(const cv::Mat& image, Cell& cell, const cv::Rect& 
     const cv::Point pixel(looked_at.x + static_cast<int>(keypoint.pt.x),
                           looked_at.y + static_cast<int>(keypoint.pt.y));
     if (!usable_.empty() && usable_.at<std::uint8_t>(pixel) == 0) continue;
-    if (!far_from_all(existing, pixel, config_.min_distance)) continue;
+    if (!far_from_all(existing, pixel, min_distance_)) continue;
     const float eigenvalue = smaller_eigenvalue(image, pixel);
     if (eigenvalue >= config_.min_eigenvalue) candidates.push_back({pixel, eigenvalue, 0});
   }
@@ -145,7 +150,7 @@ std::vector<int> CornerGrid::cells_to_look_at(int capacity, int wanted) const {
   std::vector<int> order;
   bool first_image = true;
   for (int i = 0; i < columns_ * rows_; ++i) {
-    if (cell(i).occupied < capacity) order.push_back(i);
+    if (!cell(i).beyond && cell(i).occupied < capacity) order.push_back(i);
     first_image = first_image && cell(i).last_look == 0;
   }
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
@@ -170,8 +175,7 @@ std::vector<Eigen::Vector2d> CornerGrid::detect(const cv::Mat& image,
   for (const int index : order) {
     Cell& cell = cells_[static_cast<std::size_t>(index)];
     cell.last_look = looks_;
-    const cv::Rect area = cell_area(index);
-    if (!area.empty()) find_in_cell(image, cell, area, existing, found);
+    find_in_cell(image, cell, cell_area(index), existing, found);
   }
   // One for every cell before a second one for any: the spread counts more than the contrast.
   std::stable_sort(found.begin(), found.end(), [](const Corner& a, const Corner& b) {
@@ -182,7 +186,7 @@ std::vector<Eigen::Vector2d> CornerGrid::detect(const cv::Mat& image,
   for (const Corner& corner : found) {
     if (static_cast<int>(chosen.size()) >= wanted) break;
     if (corner.rank >= capacity) continue;
-    if (!far_from_all(chosen_places, corner.pixel, config_.min_distance)) continue;
+    if (!far_from_all(chosen_places, corner.pixel, min_distance_)) continue;
     chosen.push_back(corner.pixel);
     chosen_places.emplace_back(corner.pixel.x, corner.pixel.y);
   }

@@ -13,7 +13,7 @@
 namespace covey {
 
 struct CornerConfig {
-  double min_distance = 15;     // of a new corner from any track, px
+  double min_distance = 15;     // of a new corner from any track, px; in small images 1.2 cells
   int border = 12;              // no corner nearer to the edge of the image, px
   int start_threshold = 20;     // of FAST, grey levels; each cell adapts its own
   int min_threshold = 4;        // in cells of little contrast, grey levels
@@ -39,6 +39,7 @@ class CornerGrid {
   struct Cell {
     int threshold = 0;    // of FAST, grey levels
     int occupied = 0;     // tracks in it
+    bool beyond = false;  // nothing but border
     bool barren = false;  // the last look found nothing
     std::int64_t last_look = 0;
   };
@@ -59,6 +60,7 @@ class CornerGrid {
   cv::Size image_size_;
   cv::Mat usable_;
   int max_tracks_;
+  double min_distance_ = 0;  // px
   int columns_ = 0, rows_ = 0;
   std::vector<Cell> cells_;  // row by row
   std::int64_t looks_ = 0;

@@ -87,6 +87,25 @@ TEST(CornerGrid, PutsMoreIntoTheCellsThatHaveTextureWhenOthersHaveNone) {
   EXPECT_GE(tracks.size(), 45u);  // of about 30 textured cells
 }
 
+// Cells are smaller there than the distance between corners else is, and a quarter is border alone.
+TEST(CornerGrid, FillsASmallImageWithinAFewLooks) {
+  constexpr int kTracks = 200;
+  CornerGrid grid(CornerConfig(), {160, 120}, kTracks);
+  const cv::Mat image = textured_image()(cv::Rect(0, 0, 160, 120)).clone();
+  std::vector<Eigen::Vector2d> tracks;
+  const auto look = [&] {
+    const int wanted = kTracks - static_cast<int>(tracks.size());
+    const auto found = grid.detect(image, tracks, wanted);
+    tracks.insert(tracks.end(), found.begin(), found.end());
+  };
+  look();
+  const std::size_t first = tracks.size();
+  tracks.resize(first / 2);
+  for (int k = 0; k < 2; ++k) look();
+  EXPECT_GE(first, 50u);
+  EXPECT_GE(tracks.size(), first);
+}
+
 TEST(CornerGrid, FindsNothingWhereThereIsNothing) {
   CornerGrid grid(CornerConfig(), {320, 240}, 60);
   EXPECT_TRUE(grid.detect(cv::Mat(240, 320, CV_8U, cv::Scalar(9)), {}, 60).empty());
