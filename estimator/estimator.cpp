@@ -117,6 +117,7 @@ struct Estimator::Impl {
   void start(const State& initial);
   std::optional<ImuInterval> propagate(TimeNs stamp_ns, UpdateReport& report);
   Eigen::Vector3d turn_rate(TimeNs stamp_ns) const;
+  double usual_depth() const;
   bool is_newest(TimeNs image_stamp_ns) const;
   bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
@@ -197,6 +198,15 @@ Eigen::Vector3d Estimator::Impl::turn_rate(TimeNs stamp_ns) const {
   const std::optional<ImuSample> moment = imu.at(stamp_ns);
   if (!moment) return Eigen::Vector3d::Zero();
   return moment->gyro_imu - state->imu().gyro_bias;
+}
+
+// m, of landmarks; zero while none is known.
+double Estimator::Impl::usual_depth() const {
+  std::vector<double> depths;
+  for (const SlamLandmark& landmark : state->landmarks()) {
+    if (landmark.inverse_depth.z() > 0) depths.push_back(1 / landmark.inverse_depth.z());
+  }
+  return depths.empty() ? 0 : median(std::move(depths));
 }
 
 // Of the images that have come so far, by their own clock.
@@ -536,8 +546,9 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   if (self.config.zero_velocity_updates && interval && self.stillness.visually_still(self.config) &&
       inertially_still(self.imu.last(stamp_ns, self.config.still_window_s), self.config,
                        self.state->imu().gyro_bias)) {
-    report.zero_velocity =
-        update_zero_velocity(*self.state, *self.still_update, interval->samples, self.config);
+    const double unseen_speed = self.usual_depth() * self.stillness.apparent_speed();
+    report.zero_velocity = update_zero_velocity(*self.state, *self.still_update, interval->samples,
+                                                unseen_speed, self.config);
     if (report.zero_velocity) self.glimpsed.reset();
   }
   const bool keyframe = self.becomes_keyframe(measurement.stamp_ns, tracks);

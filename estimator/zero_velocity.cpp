@@ -125,26 +125,34 @@ bool StillnessDetector::visually_still(const EstimatorConfig& config) const {
   const double noise = motion_by_noise(last.tracks);
   return enough(change, last.tracks) &&
          change.parallax < std::hypot(config.still_parallax, noise) &&
-         came_back(std::hypot(config.still_drift, noise));
+         motion_seen() < std::hypot(config.still_drift, noise);
 }
 
-bool StillnessDetector::came_back(double limit) const {
+double StillnessDetector::motion_seen() const {
   const TrackList& last = window_.back().tracks;
-  return std::all_of(past_.begin(), past_.end(), [&](const Image& image) {
+  double most = 0;
+  for (const Image& image : past_) {
     const ViewChange change = turned_views(image.tracks, last, Eigen::Matrix3d::Identity());
-    return !enough(change, last) || change.parallax < limit;
-  });
+    if (enough(change, last)) most = std::max(most, change.parallax);
+  }
+  return most;
+}
+
+double StillnessDetector::apparent_speed() const {
+  const double seen_s = seconds_between(past_.front().stamp_ns, window_.back().stamp_ns);
+  return seen_s > 0 ? motion_seen() / seen_s : 0;
 }
 
 StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
-                     const EstimatorConfig& config) {
+                     double unseen_speed, const EstimatorConfig& config) {
   const MeanReadings readings = mean(interval.begin(), interval.end());
   const Eigen::Vector3d up_imu =
       imu.pose.q_world_imu.conjugate() * Eigen::Vector3d(0, 0, config.gravity);
   StillRows rows;
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
-  rows.H.block<3, 3>(0, State::kVelocity) = I / config.still_velocity_sigma;
-  rows.r.head<3>() = -imu.v_world_imu / config.still_velocity_sigma;
+  const double velocity_sigma = std::hypot(config.still_velocity_sigma, unseen_speed);
+  rows.H.block<3, 3>(0, State::kVelocity) = I / velocity_sigma;
+  rows.r.head<3>() = -imu.v_world_imu / velocity_sigma;
   rows.H.block<3, 3>(3, State::kGyroBias) = I / config.still_gyro_sigma;
   rows.r.segment<3>(3) = (readings.gyro - imu.gyro_bias) / config.still_gyro_sigma;
   rows.H.block<3, 3>(6, State::kRotation) = skew(up_imu) / config.still_accel_sigma;
@@ -154,8 +162,8 @@ StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval
 }
 
 bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<ImuSample>& interval,
-                          const EstimatorConfig& config) {
-  const StillRows rows = still_rows(state.imu(), interval, config);
+                          double unseen_speed, const EstimatorConfig& config) {
+  const StillRows rows = still_rows(state.imu(), interval, unseen_speed, config);
   Columns columns;
   columns.add(0, State::kImuSize);
   update.begin(state);

@@ -28,6 +28,9 @@ class StillnessDetector {
   // `still_drift`: above level ground flying sideways looks like turning, but who hovers comes
   // back.
   [[nodiscard]] bool visually_still(const EstimatorConfig& config) const;
+  // How fast tracks have moved over these seconds, 1/s on the normalised plane: a drone that is
+  // still may fly as fast as that, times the depth.
+  [[nodiscard]] double apparent_speed() const;
   void clear() { *this = {}; }
 
  private:
@@ -35,7 +38,8 @@ class StillnessDetector {
     TimeNs stamp_ns;
     TrackList tracks;
   };
-  [[nodiscard]] bool came_back(double limit) const;
+  // Largest, since any of the images kept of the last seconds.
+  [[nodiscard]] double motion_seen() const;
 
   std::deque<Image> window_, past_;
 };
@@ -46,12 +50,13 @@ struct StillRows {
   Eigen::Matrix<double, 9, State::kImuSize> H = Eigen::Matrix<double, 9, State::kImuSize>::Zero();
   Eigen::Matrix<double, 9, 1> r = Eigen::Matrix<double, 9, 1>::Zero();
 };
+// `unseen_speed`: m/s, with which the drone might fly without that being seen.
 [[nodiscard]] StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
-                                   const EstimatorConfig& config);
+                                   double unseen_speed, const EstimatorConfig& config);
 
 // False when they contradict the state (chi-square): nothing is changed then.
 [[nodiscard]] bool update_zero_velocity(State& state, EkfUpdate& update,
-                                        const std::vector<ImuSample>& interval,
+                                        const std::vector<ImuSample>& interval, double unseen_speed,
                                         const EstimatorConfig& config);
 
 }  // namespace covey

@@ -28,6 +28,7 @@ struct ErrorSample {
 
 struct FilterRun {
   std::vector<ErrorSample> errors;  // one for each image that was propagated to
+  int still = 0;                    // images in which the drone was taken to stand still
   int reinitialized = 0, refused = 0, used = 0, gated = 0, imu_gaps = 0;
   bool covariance_valid = true;
 };
@@ -122,6 +123,7 @@ inline FilterRun run_filter(const DroneFeatures& drone, EstimatorConfig config,
     }
     const UpdateReport report = estimator.add_camera(computed_with(of_intrinsics, image));
     run.reinitialized += report.reinitialized ? 1 : 0;
+    run.still += report.zero_velocity ? 1 : 0;
     run.imu_gaps += report.imu_gaps;
     run.used += report.slam_used + report.msckf_used;
     run.gated += report.slam_gated + report.msckf_gated;

@@ -41,16 +41,16 @@ std::vector<ImuSample> readings(const State& state, const Eigen::Vector3d& more_
 
 bool update(State& state, const std::vector<ImuSample>& interval) {
   EkfUpdate rows(16, state.capacity());
-  return update_zero_velocity(state, rows, interval, config());
+  return update_zero_velocity(state, rows, interval, 0, config());
 }
 
 // The residual is measurement minus expectation.
 TEST(ZeroVelocity, TheJacobianAgreesWithDifferences) {
   const State state = still_state({0.1, -0.05, 0.02});
   const auto interval = readings(state, {0.01, 0.02, -0.01}, {0.1, -0.2, 0.3});
-  expect_jacobian("still rows", -still_rows(state.imu(), interval, config()).H,
+  expect_jacobian("still rows", -still_rows(state.imu(), interval, 0.1, config()).H,
                   [&](const Eigen::VectorXd& dx) -> Eigen::VectorXd {
-                    return still_rows(moved(state.imu(), dx), interval, config()).r;
+                    return still_rows(moved(state.imu(), dx), interval, 0.1, config()).r;
                   });
 }
 
