@@ -28,7 +28,7 @@ sockaddr_in endpoint(const std::string& address, std::uint16_t port) {
 }  // namespace
 
 DatagramSocket::DatagramSocket(const std::string& interface, std::size_t buffer_bytes)
-    : socket_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    : interface_(interface), socket_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
   const sockaddr_in own = endpoint(interface, 0);
   if (socket_ < 0 || bind(socket_, reinterpret_cast<const sockaddr*>(&own), sizeof(own)) != 0) {
     const std::string why = std::strerror(errno);
@@ -48,6 +48,15 @@ bool DatagramSocket::send(const std::uint8_t* bytes, std::size_t size, const std
   const ssize_t sent =
       sendto(socket_, bytes, size, 0, reinterpret_cast<const sockaddr*>(&to), sizeof(to));
   return sent == static_cast<ssize_t>(size);
+}
+
+void DatagramSocket::join(const std::string& group) const {
+  ip_mreq request{};
+  request.imr_multiaddr = endpoint(group, 0).sin_addr;
+  request.imr_interface = endpoint(interface_, 0).sin_addr;
+  if (setsockopt(socket_, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof(request)) != 0)
+    throw std::runtime_error("link: group " + group + " cannot be joined on " + interface_ + ": " +
+                             std::strerror(errno));
 }
 
 }  // namespace covey

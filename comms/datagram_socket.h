@@ -22,7 +22,12 @@ class DatagramSocket {
   bool send(const std::uint8_t* bytes, std::size_t size, const std::string& address,
             std::uint16_t port) const;
 
+  // The group's packets come in on that interface from now on, for whoever listens to its port on
+  // all of them. Throws as the constructor does.
+  void join(const std::string& group) const;
+
  private:
+  const std::string interface_;
   int socket_ = -1;
 };
 

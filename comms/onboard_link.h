@@ -33,7 +33,7 @@ enum class ImuMessage { kRos, kPx4 };
 
 struct OnboardConfig {
   int domain = 0;             // ROS_DOMAIN_ID, 0..200
-  bool loopback_only = true;  // nothing leaves 127.0.0.1; otherwise all interfaces, by multicast
+  bool loopback_only = true;  // this computer's programs alone; otherwise all, by multicast
   // Lost samples are asked for again; drivers that offer best effort alone are then not heard.
   bool reliable = false;
   std::string image_topic = "camera/image_raw";

@@ -29,6 +29,8 @@ namespace covey {
 namespace {
 
 namespace dds = eprosima::fastdds::dds;
+using eprosima::fastrtps::rtps::IPLocator;
+using eprosima::fastrtps::rtps::Locator_t;
 using eprosima::fastrtps::types::ReturnCode_t;
 using std::chrono::milliseconds;
 
@@ -46,14 +48,32 @@ std::string wire_name(const std::string& topic) {
   return has_slash ? "rt" + topic : "rt/" + topic;
 }
 
-std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport(bool loopback_only) {
+constexpr int kProgramsOnBoard = 64;  // whose ports are looked at
+constexpr int kFirstPorts = 32;       // ours: the first ones are the radio's, in whose domain it is
+
+Locator_t locator(const std::string& address, std::uint32_t port) {
+  Locator_t out;
+  IPLocator::setIPv4(out, address);
+  out.port = port;
+  return out;
+}
+
+std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> transport() {
   constexpr std::uint32_t kSocketBuffer = 4 << 20;  // a few images, where the system grants it
-  constexpr std::uint32_t kProgramsOnBoard = 64;    // whose ports are looked at
   auto out = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   out->sendBufferSize = out->receiveBufferSize = kSocketBuffer;
   out->maxInitialPeersRange = kProgramsOnBoard;
-  if (loopback_only) out->interfaceWhiteList = {"127.0.0.1"};
   return out;
+}
+
+// Who comes later is called within a second: what it says to all is heard by nobody here.
+void look_on_this_computer(int domain, dds::WireProtocolConfigQos& wire) {
+  constexpr milliseconds kAnnouncements{1000};
+  wire.builtin.discovery_config.leaseDuration_announcementperiod = duration(kAnnouncements);
+  const std::uint32_t to_all = wire.port.getMulticastPort(static_cast<std::uint32_t>(domain));
+  wire.builtin.initialPeersList.push_back(locator("127.0.0.1", 0));  // all ports of programs
+  wire.builtin.initialPeersList.push_back(locator(kDiscoveryGroup, to_all));
+  sit_on_ports_from(kFirstPorts, {"0.0.0.0"}, domain, wire);
 }
 
 dds::DomainParticipantQos participant_qos(const OnboardNetwork& network,
@@ -63,13 +83,9 @@ dds::DomainParticipantQos participant_qos(const OnboardNetwork& network,
   qos.properties().properties().clear();  // names of host and user
   qos.transport().use_builtin_transports = false;
   qos.transport().user_transports.push_back(std::make_shared<CheckedTransportDescriptor>(
-      transport(network.loopback_only), std::move(malformed)));
-  if (network.loopback_only) {
-    eprosima::fastrtps::rtps::Locator_t here;
-    eprosima::fastrtps::rtps::IPLocator::setIPv4(here, "127.0.0.1");
-    qos.wire_protocol().builtin.initialPeersList.push_back(here);
-    sit_on_first_ports({"127.0.0.1"}, network.domain, qos.wire_protocol());
-  }
+      transport(), std::move(malformed),
+      network.loopback_only ? Reach::kThisComputer : Reach::kEverybody));
+  if (network.loopback_only) look_on_this_computer(network.domain, qos.wire_protocol());
   return qos;
 }
 

@@ -5,8 +5,11 @@
 //
 //   UDP only: Fast DDS's shared memory is not the same from one of its versions to the next, and
 //     other vendors have none of it.
-//   On 127.0.0.1, which knows no multicast, participants are looked for at the first ports of the
-//     domain. ROS 2's nodes listen there whatever their own discovery is.
+//   This computer's programs alone are heard and spoken to (checked_transport.h), whichever of its
+//     addresses they use. They are looked for at the first ports of the domain on 127.0.0.1, where
+//     Fast DDS listens, and by multicast over the loopback, which Cyclone DDS hears. A whitelist of
+//     127.0.0.1 would not do: Fast DDS 2.9 then finds nobody who tells of an address of the
+//     network.
 //   Readers are best effort by default: they hear every writer.
 //   Malformed packets are stopped before DDS sees them (rtps_check.h): it runs in the process that
 //     flies the drone.
@@ -29,7 +32,7 @@ namespace covey {
 
 struct OnboardNetwork {
   int domain = 0;             // ROS_DOMAIN_ID, 0..200
-  bool loopback_only = true;  // nothing leaves 127.0.0.1; otherwise all interfaces, by multicast
+  bool loopback_only = true;  // this computer's programs alone; otherwise all, by multicast
 };
 
 enum class Keep {

@@ -80,10 +80,10 @@ void set_discovery(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
   switch (discovery_mode(config)) {
     case DiscoveryMode::kUnicast:
       look_on(config.loopback_only ? own_interfaces(config) : config.initial_peers, wire);
-      return sit_on_first_ports(own_addresses(config), config.domain, wire);
+      return sit_on_ports_from(0, own_addresses(config), config.domain, wire);
     case DiscoveryMode::kServer:
       ask_server(config.discovery_server, wire);
-      return sit_on_first_ports(own_addresses(config), config.domain, wire);
+      return sit_on_ports_from(0, own_addresses(config), config.domain, wire);
     case DiscoveryMode::kMulticast:
       return;  // which Fast DDS sets up by itself
   }
@@ -191,10 +191,11 @@ Duration_t duration(milliseconds time) {
           static_cast<std::uint32_t>(time.count() % 1000 * 1000000)};
 }
 
-void sit_on_first_ports(const std::vector<std::string>& addresses, int domain,
-                        dds::WireProtocolConfigQos& wire) {
+void sit_on_ports_from(int participant, const std::vector<std::string>& addresses, int domain,
+                       dds::WireProtocolConfigQos& wire) {
   for (const std::string& address : addresses) {
-    const std::uint32_t port = wire.port.getUnicastPort(static_cast<std::uint32_t>(domain), 0);
+    const std::uint32_t port = wire.port.getUnicastPort(static_cast<std::uint32_t>(domain),
+                                                        static_cast<std::uint32_t>(participant));
     wire.builtin.metatrafficUnicastLocatorList.push_back(locator(address, port));
     wire.default_unicast_locator_list.push_back(locator(address, port + 1));
   }

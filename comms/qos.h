@@ -30,11 +30,11 @@ namespace covey {
 
 [[nodiscard]] eprosima::fastrtps::Duration_t duration(std::chrono::milliseconds time);
 
-// The first participant's ports, or the next free ones: Fast DDS tries them in turn. Left to
-// itself, it would count participants per process, and a link that was renewed often enough would
-// sit on a port where nobody looks.
-void sit_on_first_ports(const std::vector<std::string>& addresses, int domain,
-                        eprosima::fastdds::dds::WireProtocolConfigQos& wire);
+// The ports of that participant, from 0, or the next free ones: Fast DDS tries them in turn. Left
+// to itself, it would count participants per process, and a link that was renewed often enough
+// would sit on a port where nobody looks.
+void sit_on_ports_from(int participant, const std::vector<std::string>& addresses, int domain,
+                       eprosima::fastdds::dds::WireProtocolConfigQos& wire);
 
 [[nodiscard]] std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> udp_transport(
     const LinkConfig& config);

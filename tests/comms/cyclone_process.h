@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// One of Cyclone's programs, as docs/link.md (Another vendor's client) tells to start one.
+// One of Cyclone's programs, as docs/link.md (Another vendor's client) tells to start one, or
+// another that says as they do what it hears.
 #pragma once
 
 #include <fcntl.h>
@@ -31,7 +32,9 @@ class CycloneClient {
   CycloneClient(const LinkConfig& team, const std::string& name)
       : CycloneClient({COVEY_CYCLONE_CLIENT, team.team, std::to_string(team.domain), name}) {}
 
-  explicit CycloneClient(const std::vector<std::string>& command) {
+  // `settings`: of Cyclone DDS, its own if empty.
+  explicit CycloneClient(const std::vector<std::string>& command,
+                         const std::string& settings = "file://" COVEY_CYCLONE_CONFIG) {
     int in[2], out[2];
     if (pipe2(in, O_CLOEXEC) != 0 || pipe2(out, O_CLOEXEC) != 0) std::perror("pipe2");
     std::vector<char*> argv;
@@ -41,7 +44,7 @@ class CycloneClient {
     if (pid_ == 0) {
       dup2(in[0], STDIN_FILENO);
       dup2(out[1], STDOUT_FILENO);
-      setenv("CYCLONEDDS_URI", "file://" COVEY_CYCLONE_CONFIG, 1);
+      setenv("CYCLONEDDS_URI", settings.c_str(), 1);
       execv(argv.front(), argv.data());
       _exit(127);
     }

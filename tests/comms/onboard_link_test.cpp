@@ -149,10 +149,11 @@ TEST(OnboardLink, WhatIsMalformedIsCountedWithTopicAndReason) {
   EXPECT_EQ(drone.counts().images, 0U);
 }
 
-// To the two ports of the first participant of the domain.
+// To the two ports of the first of such participants in the domain.
 void send_to_first(const Bytes& packet) {
   const DatagramSocket outsider("127.0.0.1", 1 << 16);
-  const int discovery_port = 7410 + 250 * onboard_config().domain;
+  constexpr int kFirstPorts = 32;  // onboard_participant.cpp
+  const int discovery_port = 7410 + 250 * onboard_config().domain + 2 * kFirstPorts;
   for (const int port : {discovery_port, discovery_port + 1})
     ASSERT_TRUE(
         outsider.send(packet.data(), packet.size(), "127.0.0.1", static_cast<std::uint16_t>(port)));

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The IPv4 addresses of this computer, which may come and go: the system is asked once a second at
+// most. Thread-safe.
+#pragma once
+
+#include <netinet/in.h>
+
+#include <chrono>
+#include <mutex>
+#include <vector>
+
+namespace covey {
+
+class OwnAddresses {
+ public:
+  // All of 127.0.0.0/8 are among them.
+  [[nodiscard]] bool contain(in_addr address);
+
+ private:
+  std::mutex mutex_;
+  std::vector<in_addr_t> addresses_;
+  std::chrono::steady_clock::time_point asked_;
+};
+
+}  // namespace covey
