@@ -74,7 +74,8 @@ void visit_load(LoadProfile& load, ConfigVisitor& v) {
   v.count("link_bytes_per_s", load.link_bytes_per_s, {0, 1e9},
           "[B/s] of samples to one peer; 0: no limit");
   v.count("link_burst_bytes", load.link_burst_bytes, {0, 1e9}, "after silence");
-  v.count("patience_ms", load.patience_ms, {0, 1e4}, "[ms] then what found no room is dropped");
+  v.count("patience_ms", load.patience_ms, {0, 1e4},
+          "[ms] then what found no room is dropped; 0: at once");
   v.end_section();
 }
 

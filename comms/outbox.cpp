@@ -67,7 +67,7 @@ void Outbox::offer(Outgoing out, Time now) {
     return out.kind == Kind::kOdometry && waiting.out.kind == Kind::kOdometry;
   });
   if (same != waiting_.end()) drop(same, "replaced by a newer one");
-  waiting_.push_back({std::move(out), now});
+  waiting_.push_back({std::move(out), now, false});
   if (waiting_.size() <= kMaxWaiting) return;
   drop(std::min_element(waiting_.begin(), waiting_.end(),
                         [&](const Waiting& a, const Waiting& b) {
@@ -76,9 +76,11 @@ void Outbox::offer(Outgoing out, Time now) {
        "less useful than others");
 }
 
+// Only who has found no room: without any patience all would be late before it was looked for.
 void Outbox::drop_late(Time now) {
   const auto is_late = [&](const Waiting& waiting) {
-    return now - waiting.since > std::chrono::milliseconds(load_.patience_ms);
+    return waiting.found_no_room &&
+           now - waiting.since > std::chrono::milliseconds(load_.patience_ms);
   };
   for (auto late = std::find_if(waiting_.begin(), waiting_.end(), is_late); late != waiting_.end();
        late = std::find_if(waiting_.begin(), waiting_.end(), is_late))
@@ -123,7 +125,10 @@ std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers
     if (!may_go(place->out, peers, now)) continue;
     if (best == waiting_.end() || usefulness(*place, now) >= usefulness(*best, now)) best = place;
   }
-  if (best == waiting_.end()) return std::nullopt;
+  if (best == waiting_.end()) {
+    for (Waiting& waiting : waiting_) waiting.found_no_room = true;
+    return std::nullopt;
+  }
   Outgoing out = std::move(best->out);
   waiting_.erase(best);
   const std::set<std::string> with_room = receivers_with_room(out, now);

@@ -58,6 +58,7 @@ class Outbox {
   struct Waiting {
     Outgoing out;
     Time since;
+    bool found_no_room = false;  // when it was looked for
   };
   using Place = std::deque<Waiting>::iterator;
 

@@ -167,6 +167,21 @@ TEST(Outbox, OneFullLinkDoesNotStarveTheOthers) {
   EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(0)), UnorderedElementsAre(2, 3, 9));
 }
 
+TEST(Outbox, WithoutPatienceGoesWhatFindsRoomAtOnce) {
+  LoadProfile load = with_wide_links();
+  load.patience_ms = 0;
+  Outbox outbox(load);
+  std::uint64_t wire_bytes = 0;
+  outbox.offer(message("uav1", 1, 40), at(0));
+  EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(1)), ElementsAre(1));
+  wire_bytes += 10'000;  // discovery and repair
+  outbox.offer(message("uav1", 2, 40), at(2));
+  EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(3)), ElementsAre());
+  EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(60'000)), ElementsAre());
+  EXPECT_TRUE(outbox.empty());
+  EXPECT_THAT(outbox.dropped(), ElementsAre(Pair("message found no room in time", 1)));
+}
+
 TEST(Outbox, AMessageForAllGoesToThoseWhoseLinksHaveRoom) {
   Outbox outbox(narrow());
   std::uint64_t wire_bytes = 0;
