@@ -277,6 +277,7 @@ void Agent::show_status() {
   if (!link_) return;
   warn_of_namesake();
   warn_of_crowd();
+  warn_of_port();
   warn_of_start();
   warn_of_moves();
 }
@@ -296,6 +297,19 @@ void Agent::warn_of_crowd() {
   if (warned_of_crowd_ || link_->statistics().refused.count(kCrowd) == 0) return;
   spdlog::warn("{}, {}: some are not answered", kCrowd, config_.link.max_agents);
   warned_of_crowd_ = true;
+}
+
+// It finds those who sit where all look, and nobody else who does not.
+void Agent::warn_of_port() {
+  const std::uint64_t port = link_->statistics().unseen_port;
+  if (warned_of_port_ || port == 0) return;
+  spdlog::warn(
+      "the link listens at UDP port {}, where no drone looks for another: programs of this "
+      "computer, as ROS 2's are, have taken the ports before it in DDS domain {}; give all drones "
+      "a link.domain that no other program uses, or, where several of them share a computer, "
+      "raise discovery.ports_per_host",
+      port, config_.link.domain);
+  warned_of_port_ = true;
 }
 
 void Agent::warn_of_rows() {
@@ -345,6 +359,7 @@ nlohmann::json Agent::status_json() const {
   status["dropped_by_load"] = statistics.dropped;
   status["clocks"] = to_json(clock_summaries(statistics));
   status["link_restarts"] = statistics.restarts;
+  if (statistics.unseen_port != 0) status["link_unseen_port"] = statistics.unseen_port;
   status["wire_bytes_sent"] = statistics.wire_bytes_sent;
   status["wire_bytes_received"] = statistics.wire_bytes_received;
   return status;

@@ -109,6 +109,7 @@ class Agent {
   [[nodiscard]] nlohmann::json status_json() const;
   void warn_of_namesake();
   void warn_of_crowd();
+  void warn_of_port();
   void warn_of_rows();
   void warn_of_start();
   void warn_of_moves();
@@ -143,8 +144,8 @@ class Agent {
   int zero_velocity_images_ = 0, reinitialized_ = 0;
   int repeated_images_ = 0, uniform_images_ = 0;
   std::optional<TimeNs> blind_since_ns_;
-  bool warned_of_namesake_ = false, warned_of_crowd_ = false, warned_of_start_ = false,
-       warned_of_rows_ = false;
+  bool warned_of_namesake_ = false, warned_of_crowd_ = false, warned_of_port_ = false,
+       warned_of_start_ = false, warned_of_rows_ = false;
   std::map<std::string, int> moves_told_;  // of peers' worlds
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;

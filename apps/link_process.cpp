@@ -195,6 +195,7 @@ LinkStatistics LinkProcess::statistics() const {
   const std::lock_guard lock(mutex_);
   LinkStatistics all = sum(sum(before_, now_), here);
   all.process_own_kib = own_kib_;
+  all.unseen_port = now_.unseen_port;
   return all;
 }
 

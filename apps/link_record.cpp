@@ -14,7 +14,7 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KindStatistics, sent, received, refused, payl
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkStatistics, request, message, status, odometry,
                                    messages_sent_to, rejected, refused, dropped, inbox_dropped,
                                    dds_errors, last_dds_error, wire_bytes_sent, wire_bytes_received,
-                                   restarts, process_cpu_ms, process_peak_kib)
+                                   unseen_port, restarts, process_cpu_ms, process_peak_kib)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkReport, statistics, peers)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ClockOffset, offset_ns, round_trip_ns)
 

@@ -46,6 +46,15 @@ class CountingTransport : public ChainingTransport {
     return &descriptor_;
   }
 
+  bool OpenInputChannel(const Locator_t& at, TransportReceiverInterface* receiver,
+                        std::uint32_t max_message_bytes) override {
+    const bool open = ChainingTransport::OpenInputChannel(at, receiver, max_message_bytes);
+    std::uint32_t none = 0;
+    if (open && !IPLocator::isMulticast(at))
+      descriptor_.wire->first_port.compare_exchange_strong(none, at.port);
+    return open;
+  }
+
   bool send(SenderResource* below, const octet* buffer, std::uint32_t size, LocatorsIterator* begin,
             LocatorsIterator* end, const std::chrono::steady_clock::time_point& timeout) override {
     const Wire& wire = *descriptor_.wire;

@@ -57,6 +57,9 @@ struct LinkStatistics {
   // UDP header for each.
   std::uint64_t wire_bytes_sent = 0;
   std::uint64_t wire_bytes_received = 0;
+  // UDP port at which no other drone looks for this one, because other programs have those before
+  // it; 0: all look where it is. Of now, not summed.
+  std::uint64_t unseen_port = 0;
   // By peer, from its statuses; also of those that have left.
   std::map<std::string, ClockOffset> clocks;
   // Of a link in a process of its own: how often it was started anew, by reason, and its cost.

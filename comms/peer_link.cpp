@@ -587,6 +587,8 @@ LinkStatistics PeerLink::Impl::statistics() const {
   statistics.last_dds_error = std::move(errors.last);
   statistics.wire_bytes_sent = wire_->bytes_sent;
   statistics.wire_bytes_received = wire_->bytes_received;
+  const std::uint32_t port = wire_->first_port;
+  statistics.unseen_port = is_looked_at(port, config_) ? 0 : port;
   if (wire_->malformed_received > 0)
     statistics.rejected["unknown"]["malformed packet"] += wire_->malformed_received;
   const std::lock_guard lock(outbox_mutex_);

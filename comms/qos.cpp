@@ -100,6 +100,11 @@ eprosima::fastrtps::rtps::GuidPrefix_t fresh_prefix() {
   return out;
 }
 
+// Participants of one host sit on ports one after the other; so many of them are tried.
+int ports_looked_at(const LinkConfig& config) {
+  return config.loopback_only ? config.max_agents : config.profile.discovery.ports_per_host;
+}
+
 ResourceLimitedContainerConfig at_most(std::size_t maximum) { return {1, maximum, 1}; }
 
 void set_limits(const LinkConfig& config, dds::ParticipantResourceLimitsQos& limits) {
@@ -201,6 +206,13 @@ void sit_on_ports_from(int participant, const std::vector<std::string>& addresse
   }
 }
 
+bool is_looked_at(std::uint32_t port, const LinkConfig& config) {
+  if (discovery_mode(config) != DiscoveryMode::kUnicast) return true;
+  const auto last = static_cast<std::uint32_t>(ports_looked_at(config) - 1);
+  const dds::WireProtocolConfigQos wire;
+  return port <= wire.port.getUnicastPort(static_cast<std::uint32_t>(config.domain), last);
+}
+
 std::shared_ptr<UDPv4TransportDescriptor> udp_transport(const LinkConfig& config) {
   const TransportProfile& profile = config.profile.transport;
   auto out = std::make_shared<UDPv4TransportDescriptor>();
@@ -210,9 +222,7 @@ std::shared_ptr<UDPv4TransportDescriptor> udp_transport(const LinkConfig& config
       1024 * static_cast<std::uint32_t>(config.full_messages ? profile.full_message_buffer_kib
                                                              : profile.socket_buffer_kib);
   out->receiveBufferSize = out->sendBufferSize;
-  // Participants of one host sit on ports one after the other; so many of them are tried.
-  out->maxInitialPeersRange = static_cast<std::uint32_t>(
-      config.loopback_only ? config.max_agents : config.profile.discovery.ports_per_host);
+  out->maxInitialPeersRange = static_cast<std::uint32_t>(ports_looked_at(config));
   return out;
 }
 

@@ -36,6 +36,9 @@ namespace covey {
 void sit_on_ports_from(int participant, const std::vector<std::string>& addresses, int domain,
                        eprosima::fastdds::dds::WireProtocolConfigQos& wire);
 
+// Drones with the same settings look for others at that port, if they have to.
+[[nodiscard]] bool is_looked_at(std::uint32_t port, const LinkConfig& config);
+
 [[nodiscard]] std::shared_ptr<eprosima::fastdds::rtps::UDPv4TransportDescriptor> udp_transport(
     const LinkConfig& config);
 

@@ -21,6 +21,7 @@
 #include "comms/peer_link.h"
 #include "tests/apps/covey_process.h"
 #include "tests/comms/samples.h"
+#include "tests/comms/taken_port.h"
 #include "tests/comms/team_config.h"
 
 namespace covey {
@@ -234,6 +235,17 @@ TEST(LinkProcess, TellsThePeersClock) {
   }));
   const ClockOffset clock = link.statistics().clocks.at("uav1");
   EXPECT_LE(std::abs(clock.offset_ns + 3'000'000'000), clock.round_trip_ns / 2 + 1);
+}
+
+TEST(LinkProcess, TellsOfAPortWhereNoDroneLooksForIt) {
+  AgentConfig config = drone("uav0");
+  config.link.max_agents = 2;
+  const int first = 7410 + 250 * config.link.domain;
+  const TakenPort first_taken(first), second_taken(first + 2);
+  ASSERT_TRUE(first_taken.taken() && second_taken.taken());
+  const LinkProcess link(config);
+  EXPECT_TRUE(eventually(
+      [&] { return link.statistics().unseen_port == static_cast<std::uint64_t>(first + 4); }));
 }
 
 TEST(LinkProcess, CarriesWholeFilters) {

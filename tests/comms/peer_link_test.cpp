@@ -15,6 +15,7 @@
 #include "comms/config_check.h"
 #include "comms/convert.h"
 #include "tests/comms/samples.h"
+#include "tests/comms/taken_port.h"
 #include "tests/comms/team_config.h"
 
 namespace covey {
@@ -412,6 +413,18 @@ TEST(PeerLink, TheSettingsTellHowManyOthersThereAre) {
   EXPECT_EQ(other_drones(config), 2u);
   config.profile.discovery.ports_per_host = 2;
   EXPECT_EQ(other_drones(config), 0u);
+}
+
+TEST(PeerLink, APortWhereNoDroneLooksForItIsTold) {
+  const LinkConfig config = config_for_two("uav0");
+  const int first = 7410 + 250 * config.domain;
+  EXPECT_EQ(PeerLink(config).statistics().unseen_port, 0U);
+  const TakenPort first_taken(first);
+  ASSERT_TRUE(first_taken.taken());
+  EXPECT_EQ(PeerLink(config).statistics().unseen_port, 0U) << "two ports are looked at";
+  const TakenPort second_taken(first + 2);
+  ASSERT_TRUE(second_taken.taken());
+  EXPECT_EQ(PeerLink(config).statistics().unseen_port, static_cast<std::uint64_t>(first + 4));
 }
 
 TEST(PeerLink, ALockstepLinkSaysEverythingBeforeItGoes) {
