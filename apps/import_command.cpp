@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -24,6 +25,7 @@
 #include "apps/progress.h"
 #include "apps/stop_signal.h"
 #include "comms/onboard_messages.h"
+#include "comms/stamp_order.h"
 #include "sim/dataset_writer.h"
 
 namespace covey {
@@ -81,83 +83,105 @@ BagTopic choose_images(const Bag& bag, const Options& options) {
 // What was left out, and why: a line for each reason in the end.
 class LeftOut {
  public:
-  void count(const std::string& reason) { ++counts_[reason]; }
+  void count(const std::string& reason, std::uint64_t messages = 1) {
+    if (messages > 0) counts_[reason] += messages;
+  }
+  void count(const StampCounts& stamps) {
+    count("not newer than the one before", stamps.late);
+    count("its stamp is more than a second from those before and after", stamps.wrong);
+    count("its clock was set back", stamps.set_back);
+  }
   void warn(const std::string& topic) const {
     for (const auto& [reason, count] : counts_)
       spdlog::warn("{}: left out {} of its messages: {}", topic, count, reason);
   }
-  // Nothing is left.
+  // Nothing is left, mostly for the reason that is told.
   [[noreturn]] void fail(const std::string& topic) const {
-    const std::string reason = counts_.empty() ? "it has no message" : counts_.begin()->first;
+    const auto most =
+        std::max_element(counts_.begin(), counts_.end(),
+                         [](const auto& a, const auto& b) { return a.second < b.second; });
+    const std::string reason = most == counts_.end() ? "it has no message" : most->first;
     throw std::runtime_error(topic + ": nothing of it can be used: " + reason);
   }
 
  private:
-  std::map<std::string, std::size_t> counts_;
+  std::map<std::string, std::uint64_t> counts_;
 };
 
 void stop_if_asked() {
   if (stop_requested()) throw std::runtime_error("import: interrupted, nothing has been written");
 }
 
-void require_size(const CameraImage& image, const CameraIntrinsics& camera, const Options& options,
-                  const BagTopic& topic) {
-  if (image.width == camera.width && image.height == camera.height) return;
+// Nothing, if the image is of the camera's size.
+std::optional<std::string> wrong_size(const CameraImage& image, const CameraIntrinsics& camera,
+                                      const Options& options) {
+  if (image.width == camera.width && image.height == camera.height) return {};
   const auto size = [](int width, int height) {
     return std::to_string(width) + "x" + std::to_string(height);
   };
-  throw std::runtime_error(topic.name + ": images of " + size(image.width, image.height) +
-                           ", but " + options.sensors + "/cam0/sensor.yaml is of a camera of " +
-                           size(camera.width, camera.height));
+  return "an image of " + size(image.width, image.height) + ", but " + options.sensors +
+         "/cam0/sensor.yaml is of a camera of " + size(camera.width, camera.height);
 }
 
-// By how much stamps are moved, which the first image decides. Images that are not newer than the
-// one before are left out: tracks need them in order.
+// By how much stamps are moved, which the first image decides. Images are those that a live agent
+// would fly.
 TimeNs import_images(const Bag& bag, const BagTopic& topic, const CameraIntrinsics& camera,
                      const Options& options, const fs::path& cam0) {
   ImageList list(cam0);
   Progress progress(topic.messages);
   LeftOut left_out;
-  std::optional<TimeNs> newest_ns;
-  TimeNs shift_ns = 0;
+  StampOrder<CameraImage> order;
+  std::optional<TimeNs> shift_ns;
   std::size_t read = 0;
+  const auto write = [&](std::vector<CameraImage> images) {
+    for (CameraImage& image : images) {
+      if (const auto reason = wrong_size(image, camera, options)) {
+        left_out.count(*reason);
+        continue;
+      }
+      if (!shift_ns) {
+        shift_ns = options.first_stamp_s ? nanoseconds(*options.first_stamp_s) - image.stamp_ns : 0;
+      }
+      write_png(list.add(image.stamp_ns + *shift_ns).string(), pixels_of(image));
+    }
+  };
   bag.read_images(topic, [&](Decoded<CameraImage> decoded) {
     stop_if_asked();
     progress.show(++read);
     if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
       left_out.count(rejected->reason);
-      return;
+    } else {
+      write(order.add(std::get<CameraImage>(std::move(decoded))));
     }
-    auto& image = std::get<CameraImage>(decoded);
-    require_size(image, camera, options, topic);
-    if (!newest_ns && options.first_stamp_s)
-      shift_ns = nanoseconds(*options.first_stamp_s) - image.stamp_ns;
-    if (newest_ns && image.stamp_ns <= *newest_ns) {
-      left_out.count("not newer than the one before");
-      return;
-    }
-    newest_ns = image.stamp_ns;
-    write_png(list.add(image.stamp_ns + shift_ns).string(), pixels_of(image));
   });
-  if (!newest_ns) left_out.fail(topic.name);
+  write(order.finish());
+  left_out.count(order.counts());
+  if (!shift_ns) left_out.fail(topic.name);
   list.close();
   left_out.warn(topic.name);
-  return shift_ns;
+  return *shift_ns;
 }
 
-// Sorted: drivers say some samples late, and a filter that reads a file need not mind.
+// Those that a live agent would use and, sorted, those that it would not, as they were late:
+// drivers say some samples late, and a filter that reads a file need not mind.
 std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs shift_ns) {
   std::vector<ImuSample> samples;
   LeftOut left_out;
+  StampOrder<ImuSample> order;
+  const auto keep = [&](const std::vector<ImuSample>& believed) {
+    samples.insert(samples.end(), believed.begin(), believed.end());
+  };
   bag.read_imu(topic, [&](const Decoded<ImuSample>& decoded) {
     stop_if_asked();
-    if (const auto* sample = std::get_if<ImuSample>(&decoded)) {
-      samples.push_back(*sample);
-      samples.back().stamp_ns += shift_ns;
-    } else {
-      left_out.count(std::get<Rejected>(decoded).reason);
+    if (const auto* rejected = std::get_if<Rejected>(&decoded)) {
+      left_out.count(rejected->reason);
+      return;
     }
+    const auto& sample = std::get<ImuSample>(decoded);
+    keep(order.is_late(sample.stamp_ns) ? std::vector{sample} : order.add(sample));
   });
+  keep(order.finish());
+  left_out.count(order.counts());
   std::stable_sort(samples.begin(), samples.end(),
                    [](const ImuSample& a, const ImuSample& b) { return a.stamp_ns < b.stamp_ns; });
   const auto same_time = [&](const ImuSample& a, const ImuSample& b) {
@@ -167,6 +191,7 @@ std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs sh
   };
   samples.erase(std::unique(samples.begin(), samples.end(), same_time), samples.end());
   if (samples.empty()) left_out.fail(topic.name);
+  for (ImuSample& sample : samples) sample.stamp_ns += shift_ns;
   left_out.warn(topic.name);
   return samples;
 }

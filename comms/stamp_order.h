@@ -35,13 +35,26 @@ class StampOrder {
   std::vector<Sample> add(Sample sample) {
     const TimeNs stamp_ns = sample.stamp_ns;
     const bool as_expected = newest_ && follows(stamp_ns, *newest_);
-    if (!as_expected && is_late(stamp_ns)) return leave_out(counts_.late);
+    if (!as_expected && (is_late(stamp_ns) || is_behind_held(stamp_ns)))
+      return leave_out(counts_.late);
     if (as_expected || (!held_.empty() && !follows(stamp_ns, held_.back().stamp_ns)))
       give_up_held();
     held_.push_back(std::move(sample));
     if (as_expected) return believe_held();
     if (held_.size() < kAgree) return {};
     return newest_ && stamp_ns < *newest_ ? leave_out_set_back() : believe_held();
+  }
+
+  // Those that are held when nothing more comes: believed where there is nothing that speaks
+  // against them.
+  std::vector<Sample> finish() {
+    if (newest_) give_up_held();
+    return std::exchange(held_, {});
+  }
+
+  // Of the same clock as the newest that is believed, but not newer.
+  [[nodiscard]] bool is_late(TimeNs stamp_ns) const {
+    return newest_ && is_behind(stamp_ns, *newest_);
   }
 
   [[nodiscard]] const StampCounts& counts() const { return counts_; }
@@ -53,12 +66,11 @@ class StampOrder {
   static bool follows(TimeNs stamp_ns, TimeNs before_ns) {
     return stamp_ns > before_ns && stamp_ns - before_ns <= kFar_ns;
   }
-  static bool is_late(TimeNs stamp_ns, TimeNs before_ns) {
+  static bool is_behind(TimeNs stamp_ns, TimeNs before_ns) {
     return stamp_ns <= before_ns && before_ns - stamp_ns <= kFar_ns;
   }
-  [[nodiscard]] bool is_late(TimeNs stamp_ns) const {
-    return (newest_ && is_late(stamp_ns, *newest_)) ||
-           (!held_.empty() && is_late(stamp_ns, held_.back().stamp_ns));
+  [[nodiscard]] bool is_behind_held(TimeNs stamp_ns) const {
+    return !held_.empty() && is_behind(stamp_ns, held_.back().stamp_ns);
   }
 
   static std::vector<Sample> leave_out(std::uint64_t& count) {

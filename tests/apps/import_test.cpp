@@ -285,6 +285,50 @@ TEST_F(Import, WhatCannotBeUsedIsLeftOut) {
   EXPECT_EQ(dataset.imu.size(), 51U) << "the late one is put where it belongs";
 }
 
+constexpr TimeNs kHour_ns = 3600 * kSecond_ns;
+
+TEST_F(Import, AWrongStampCostsItsOwnSampleAlone) {
+  for (const TimeNs wrong_ns : {-kHour_ns, kHour_ns}) {
+    for (const int wrong : {0, 10, 19}) {
+      {
+        BagWriter writer(bag() / "flight_0.db3");
+        const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
+        const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+        for (int i = 0; i < 20; ++i) {
+          CameraImage image = image_at(i, kWidth, kHeight, 1);
+          ImuSample sample = sample_at(i);
+          if (i == wrong) image.stamp_ns += wrong_ns;
+          if (i == wrong) sample.stamp_ns += wrong_ns;
+          writer.add(camera, kBegin_ns + i, encode(image));
+          writer.add(imu, kBegin_ns + i, encode(sample));
+        }
+      }
+      run_command(command());
+      const Dataset dataset = read_recording(out() / "mav0");
+      const int first = wrong == 0 ? 1 : 0;
+      EXPECT_EQ(dataset.images.size(), 19U) << wrong;
+      EXPECT_EQ(dataset.images.front().stamp_ns, kBegin_ns + first * kImagePeriod_ns) << wrong;
+      EXPECT_EQ(dataset.imu.size(), 19U) << wrong;
+      EXPECT_EQ(dataset.imu.front().stamp_ns, sample_at(first).stamp_ns) << wrong;
+      fs::remove_all(folder_.path() / "team");
+      fs::remove_all(bag());
+    }
+  }
+}
+
+TEST_F(Import, AnImageOfAnotherSizeIsLeftOutAlone) {
+  record("flight_0.db3", 0, 3);
+  {
+    BagWriter writer(bag() / "flight_1.db3");
+    const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
+    const CameraImage image = image_at(3, 2 * kWidth, kHeight, 1);
+    writer.add(camera, image.stamp_ns, encode(image));
+  }
+  record("flight_2.db3", 4, 6);
+  run_command(command());
+  EXPECT_EQ(read_recording(out() / "mav0").images.size(), 5U);
+}
+
 TEST_F(Import, AnAutopilotsImuIsFlownToo) {
   record("flight_0.db3", 0, 3);
   {
@@ -547,7 +591,8 @@ TEST_F(Import, ImagesOfAnotherSizeThanTheCalibrationsAreRefused) {
   write_camera(2 * kWidth);
   record("flight_0.db3", 0, 3);
   EXPECT_THAT(complaint_of(command()),
-              AllOf(HasSubstr("/camera/image_raw: images of 8x6"), HasSubstr("camera of 16x6")));
+              AllOf(HasSubstr("/camera/image_raw: nothing of it can be used: an image of 8x6"),
+                    HasSubstr("camera of 16x6")));
   EXPECT_TRUE(fs::is_empty(out().parent_path()));
 }
 

@@ -27,6 +27,7 @@ class Sensor {
         believed.push_back(sample.stamp_ns / kMillisecond_ns);
     return believed;
   }
+  std::size_t finish() { return order_.finish().size(); }
   [[nodiscard]] const StampCounts& counts() const { return order_.counts(); }
 
  private:
@@ -103,6 +104,20 @@ TEST(StampOrder, AClockThatIsSetBackIsBelievedOnceItHasCaughtUp) {
   std::vector<TimeNs> stamps;
   for (TimeNs stamp = 70'000; stamp <= 100'300; stamp += 100) stamps.push_back(stamp);
   EXPECT_THAT(sensor.says(stamps), ElementsAre(100'300));
+}
+
+TEST(StampOrder, TooFewToTellAreBelievedInTheEnd) {
+  Sensor sensor;
+  sensor.says({100'000, 100'100});
+  EXPECT_EQ(sensor.finish(), 2U);
+  EXPECT_EQ(sensor.counts().left_out(), 0U);
+}
+
+TEST(StampOrder, WhatIsFarFromAllBeforeAndIsHeldInTheEndIsWrong) {
+  Sensor sensor;
+  sensor.says({100'000, 100'100, 100'200, 160'000, 160'100});
+  EXPECT_EQ(sensor.finish(), 0U);
+  EXPECT_EQ(sensor.counts().wrong, 2U);
 }
 
 }  // namespace
