@@ -193,7 +193,7 @@ void simulate(Options options) {
       throw std::runtime_error("simulate: --span is for thermal cameras: use it with mars_yard");
   }
   catch_stop_signals();
-  StagedFolder folder(options.out, options.force ? is_dataset : nullptr);
+  StagedFolder folder(options.out, options.force ? is_simulated : nullptr);
   read_recordings(options);
   read_sensor_files(options);
   std::vector<DroneSimulation> drones = make_simulation(options.request);
@@ -267,7 +267,7 @@ void add_simulate_command(CLI::App& covey) {
       ->check(NumberRange(0.5, 500.0));
   command->add_option("--lap", request.lap_m, "Length of each drone's lap in m (mars_yard)")
       ->check(NumberRange(5.0, 100.0));
-  command->add_flag("--force", options->force, "Replace a dataset that is there");
+  command->add_flag("--force", options->force, "Replace a dataset that was simulated");
   command->callback([options] { simulate(*options); });
 }
 

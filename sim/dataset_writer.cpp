@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <iomanip>
 #include <stdexcept>
 #include <system_error>
@@ -47,16 +48,57 @@ void require_replaceable(const fs::path& target, IsReplaceable is_replaceable) {
                            "something else; choose another --out");
 }
 
+// False as well if it is no folder, or is empty.
+template <typename Test>
+bool all_in(const fs::path& folder, Test is_good) {
+  if (!fs::is_directory(fs::symlink_status(folder)) || fs::is_empty(folder)) return false;
+  const fs::directory_iterator entries(folder);
+  return std::all_of(begin(entries), end(entries),
+                     [&](const auto& entry) { return is_good(entry.path()); });
+}
+
+bool is_png(const fs::path& file) {
+  return file.extension() == ".png" && fs::is_regular_file(fs::symlink_status(file));
+}
+
+bool is_written_for_sensor(const fs::path& entry) {
+  const fs::path name = entry.filename();
+  if (name == "data") return all_in(entry, is_png);
+  return name == "sensor.yaml" || name == "data.csv";
+}
+
+// Every version has written so.
+bool is_of_simulated_camera(const fs::path& sensor_yaml) {
+  std::ifstream file(sensor_yaml);
+  for (std::string line; std::getline(file, line);)
+    if (line.rfind("comment: simulated ", 0) == 0) return true;
+  return false;
+}
+
+// With the truth, which is not there where a recording was imported with a simulated calibration.
+bool is_simulated_drone(const fs::path& mav0) {
+  constexpr const char* kTruth = "state_groundtruth_estimate0";
+  const std::array<fs::path, 5> sensors = {"cam0", "cam0raw16", "imu0", kTruth, "thermal_truth0"};
+  return is_of_simulated_camera(mav0 / "cam0" / "sensor.yaml") &&
+         fs::exists(mav0 / kTruth / "data.csv") && all_in(mav0, [&](const fs::path& sensor) {
+           const bool known =
+               std::find(sensors.begin(), sensors.end(), sensor.filename()) != sensors.end();
+           return known && all_in(sensor, is_written_for_sensor);
+         });
+}
+
 void write_vector(std::ostream& out, const Eigen::Vector3d& v) {
   out << ',' << v.x() << ',' << v.y() << ',' << v.z();
 }
 
 }  // namespace
 
-bool is_dataset(const fs::path& folder) {
-  const fs::directory_iterator entries(folder);
-  return std::all_of(begin(entries), end(entries),
-                     [](const auto& entry) { return fs::is_directory(entry.path() / "mav0"); });
+bool is_simulated(const fs::path& folder) {
+  return all_in(fs::canonical(folder), [](const fs::path& drone) {
+    return all_in(drone, [](const fs::path& mav0) {
+      return mav0.filename() == "mav0" && is_simulated_drone(mav0);
+    });
+  });
 }
 
 StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable)

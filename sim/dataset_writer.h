@@ -19,7 +19,8 @@ namespace covey {
 
 // Whether a folder is one that may be replaced: nobody's own files go.
 using IsReplaceable = bool (*)(const std::filesystem::path&);
-[[nodiscard]] bool is_dataset(const std::filesystem::path& folder);  // nothing but uavK/mav0
+// Nothing but what a simulation has written: recordings, and files that somebody put in, are not.
+[[nodiscard]] bool is_simulated(const std::filesystem::path& folder);
 
 class StagedFolder {
  public:

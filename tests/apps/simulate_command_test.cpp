@@ -78,6 +78,18 @@ TEST(SimulateCommand, WritesWhatTheDatasetReaderReads) {
   EXPECT_THAT(simulate("mars_yard --out " + out.string()), HasSubstr("exists already"));
 }
 
+TEST(SimulateCommand, ForceReplacesWhatWasSimulatedAndNothingElse) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "set";
+  const std::string arguments =
+      "mars_yard --agents 1 --seconds 1 --rate 1 --raw16 --force --out " + out.string();
+  EXPECT_EQ(simulate(arguments), "");
+  EXPECT_EQ(simulate(arguments), "") << "all that was simulated may go";
+  const fs::path mine = folder.write("set/uav0/mav0/cam0/mine.txt", "precious");
+  EXPECT_THAT(simulate(arguments), HasSubstr("only what this command has written"));
+  EXPECT_EQ(bytes(mine), "precious");
+}
+
 TEST(SimulateCommand, SameSeedWritesTheSameBytesHoweverThreadsTakeTurns) {
   const TemporaryFolder folder;
   const fs::path once = folder.path() / "once", again = folder.path() / "again";

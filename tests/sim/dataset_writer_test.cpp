@@ -28,6 +28,18 @@ class DatasetWriter : public ::testing::Test {
     all << std::ifstream(file).rdbuf();
     return all.str();
   }
+  // As far as it tells who has written it.
+  void write_simulated(const std::string& camera) const {
+    const fs::path mav0 = folder_ / "set" / "uav0" / "mav0";
+    CameraDescription description;
+    description.comment = camera;
+    write_camera_file(mav0 / "cam0" / "sensor.yaml", description);
+    ImageList images(mav0 / "cam0");
+    std::ofstream(images.add(1)) << "an image";
+    images.close();
+    write_imu_csv(mav0 / "imu0" / "data.csv", {});
+    write_ground_truth_csv(mav0 / "state_groundtruth_estimate0" / "data.csv", {});
+  }
   [[nodiscard]] std::size_t entries() const {
     return static_cast<std::size_t>(
         std::distance(fs::directory_iterator(folder_), fs::directory_iterator()));
@@ -51,22 +63,42 @@ TEST_F(DatasetWriter, AnAbandonedDatasetLeavesNothingBehind) {
 }
 
 TEST_F(DatasetWriter, AnExistingFolderIsOnlyReplacedWhenAsked) {
-  fs::create_directories(folder_ / "set" / "old" / "mav0");
+  write_simulated("simulated grey camera");
   EXPECT_THROW(StagedFolder(folder_ / "set"), std::runtime_error);
-  StagedFolder staged(folder_ / "set", is_dataset);
-  EXPECT_TRUE(fs::exists(folder_ / "set" / "old")) << "kept until the new one is whole";
+  StagedFolder staged(folder_ / "set", is_simulated);
+  EXPECT_TRUE(fs::exists(folder_ / "set" / "uav0")) << "kept until the new one is whole";
   staged.commit();
-  EXPECT_FALSE(fs::exists(folder_ / "set" / "old"));
+  EXPECT_FALSE(fs::exists(folder_ / "set" / "uav0"));
 }
 
 TEST_F(DatasetWriter, WhatIsNoDatasetIsNotReplaced) {
-  fs::create_directories(folder_ / "set" / "uav0" / "mav0");
+  write_simulated("simulated grey camera");
   std::ofstream(folder_ / "set" / "thesis.txt") << "mine";
-  EXPECT_THROW(StagedFolder(folder_ / "set", is_dataset), std::runtime_error);
-  EXPECT_THROW(StagedFolder(folder_ / "set" / "thesis.txt", is_dataset), std::runtime_error);
+  EXPECT_THROW(StagedFolder(folder_ / "set", is_simulated), std::runtime_error);
+  EXPECT_THROW(StagedFolder(folder_ / "set" / "thesis.txt", is_simulated), std::runtime_error);
   EXPECT_TRUE(fs::exists(folder_ / "set" / "thesis.txt"));
   fs::create_directories(folder_ / "empty");
-  EXPECT_NO_THROW(StagedFolder(folder_ / "empty", is_dataset));
+  EXPECT_NO_THROW(StagedFolder(folder_ / "empty", is_simulated));
+}
+
+TEST_F(DatasetWriter, WhatSomebodyPutIntoADatasetIsNotReplaced) {
+  for (const char* const name : {"mine.txt", "uav0/mine.txt", "uav0/mav0/mine.txt",
+                                 "uav0/mav0/cam0/mine.txt", "uav0/mav0/cam0/data/mine.txt"}) {
+    write_simulated("simulated thermal camera");
+    EXPECT_TRUE(is_simulated(folder_ / "set"));
+    std::ofstream(folder_ / "set" / name) << "mine";
+    EXPECT_FALSE(is_simulated(folder_ / "set")) << name;
+    fs::remove_all(folder_ / "set");
+  }
+}
+
+TEST_F(DatasetWriter, ARecordingIsNotReplaced) {
+  write_simulated("VI-Sensor cam0 (MT9M034)");
+  EXPECT_FALSE(is_simulated(folder_ / "set"));
+  write_simulated("simulated grey camera");
+  EXPECT_TRUE(is_simulated(folder_ / "set"));
+  fs::remove_all(folder_ / "set/uav0/mav0/state_groundtruth_estimate0");
+  EXPECT_FALSE(is_simulated(folder_ / "set")) << "imported with the calibration of a simulation";
 }
 
 TEST_F(DatasetWriter, AnUnwritablePlaceIsNamed) {
