@@ -10,6 +10,7 @@
 #include <set>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 #include "apps/agent.h"
 #include "apps/bounded_queue.h"
@@ -30,14 +31,31 @@ struct TimedImage {
   double read_ms = 0;
 };
 
-TimedImage read_timed(const Agent& agent, const ImageEntry& image) {
-  const double start_ms = thread_cpu_ms();
-  TimedImage read;
-  read.stamp_ns = image.stamp_ns;
-  read.pixels = agent.read(image);
-  read.read_ms = thread_cpu_ms() - start_ms;
-  return read;
-}
+// Reads a recording's images. Those of damaged files are left out and counted, as those that a
+// camera in the air has lost.
+class ImageReader {
+ public:
+  explicit ImageReader(const Agent& agent) : agent_(agent) {}
+
+  // Nothing if the file cannot be read.
+  [[nodiscard]] std::optional<TimedImage> read(const ImageEntry& image) {
+    const double start_ms = thread_cpu_ms();
+    try {
+      TimedImage read{image.stamp_ns, agent_.read(image), 0};
+      read.read_ms = thread_cpu_ms() - start_ms;
+      return read;
+    } catch (const std::runtime_error& error) {
+      if (left_out_++ == 0)
+        spdlog::warn("{}: left out, as are others that cannot be read", error.what());
+      return {};
+    }
+  }
+  [[nodiscard]] std::uint64_t left_out() const { return left_out_; }
+
+ private:
+  const Agent& agent_;
+  std::uint64_t left_out_ = 0;
+};
 
 // The team's end of the channel; absent when the drone flies by itself.
 class Control {
@@ -90,18 +108,25 @@ ReadyReply ready_reply(const std::vector<ImageEntry>& images) {
   return ready;
 }
 
+struct Flight {
+  Agent& agent;
+  ImageReader& reader;
+  Control& control;
+};
+
 // Returns the index of the first image after `until_ns`, or earlier if stopped.
-std::size_t fly_until(Agent& agent, std::size_t next, TimeNs until_ns, Control& control) {
-  const std::vector<ImageEntry>& images = agent.images();
-  while (next < images.size() && images[next].stamp_ns <= until_ns && control.goes_on()) {
-    const TimedImage image = read_timed(agent, images[next++]);
-    agent.fly(image.stamp_ns, image.pixels, image.read_ms);
-    control.show_progress(agent);
+std::size_t fly_until(const Flight& flight, std::size_t next, TimeNs until_ns) {
+  const std::vector<ImageEntry>& images = flight.agent.images();
+  while (next < images.size() && images[next].stamp_ns <= until_ns && flight.control.goes_on()) {
+    if (const auto image = flight.reader.read(images[next++]))
+      flight.agent.fly(image->stamp_ns, image->pixels, image->read_ms);
+    flight.control.show_progress(flight.agent);
   }
   return next;
 }
 
-bool fly_in_lockstep(Agent& agent, Control& control) {
+bool fly_in_lockstep(const Flight& flight) {
+  auto& [agent, reader, control] = flight;
   std::size_t next = 0;
   while (const auto command = control.next()) {
     if (std::holds_alternative<FinishCommand>(*command)) return true;
@@ -112,7 +137,7 @@ bool fly_in_lockstep(Agent& agent, Control& control) {
       control.say(ReceivedReply{arrived});
     } else if (const auto* advance = std::get_if<AdvanceCommand>(&*command)) {
       agent.handle_messages();
-      next = fly_until(agent, next, advance->until_ns, control);
+      next = fly_until(flight, next, advance->until_ns);
       AdvancedReply reply = agent.progress();
       reply.done = true;
       control.say(reply);
@@ -134,14 +159,15 @@ std::optional<GoCommand> wait_for_go(const Agent& agent, Control& control) {
   return *go;
 }
 
-bool fly_as_fast_as_possible(Agent& agent, Control& control) {
+bool fly_as_fast_as_possible(const Flight& flight) {
+  auto& [agent, reader, control] = flight;
   if (!wait_for_go(agent, control)) return false;
   for (const ImageEntry& entry : agent.images()) {
     if (!control.goes_on()) return false;
-    const TimedImage image = read_timed(agent, entry);
+    const std::optional<TimedImage> image = reader.read(entry);
     agent.take_inbox();
     agent.handle_messages();
-    agent.fly(image.stamp_ns, image.pixels, image.read_ms);
+    if (image) agent.fly(image->stamp_ns, image->pixels, image->read_ms);
     control.show_progress(agent);
   }
   return true;
@@ -150,8 +176,9 @@ bool fly_as_fast_as_possible(Agent& agent, Control& control) {
 // Reads each image when it is due, as a camera would deliver it, whether or not the drone is ready.
 class ClockReader {
  public:
-  ClockReader(const Agent& agent, const GoCommand& go)
+  ClockReader(const Agent& agent, ImageReader& reader, const GoCommand& go)
       : agent_(agent),
+        reader_(reader),
         go_(go),
         queue_(static_cast<std::size_t>(agent.config().agent.image_queue)),
         thread_([this] { read_all(); }) {}
@@ -178,7 +205,8 @@ class ClockReader {
       for (const ImageEntry& entry : agent_.images()) {
         if (born_ms_ - due_ms(entry.stamp_ns) > kTooLate_ms) continue;
         if (!wait_until_due(entry.stamp_ns)) break;
-        if (!queue_.push_drop_oldest(read_timed(agent_, entry))) break;
+        std::optional<TimedImage> image = reader_.read(entry);
+        if (image && !queue_.push_drop_oldest(std::move(*image))) break;
       }
     } catch (...) {
       failure_ = std::current_exception();
@@ -206,6 +234,7 @@ class ClockReader {
   static constexpr double kTooLate_ms = 500;
 
   const Agent& agent_;
+  ImageReader& reader_;  // its thread's alone until it has ended
   const GoCommand go_;
   const double born_ms_ = steady_ms();
   BoundedQueue<TimedImage>
@@ -214,11 +243,12 @@ class ClockReader {
   std::thread thread_;
 };
 
-bool fly_by_clock(Agent& agent, Control& control) {
+bool fly_by_clock(const Flight& flight) {
+  auto& [agent, images, control] = flight;
   constexpr milliseconds kInboxPoll{5};  // messages are handled between images as well
   const std::optional<GoCommand> go = wait_for_go(agent, control);
   if (!go) return false;
-  ClockReader reader(agent, *go);
+  ClockReader reader(agent, images, *go);
   while (!reader.finished() && control.goes_on()) {
     const std::optional<TimedImage> image = reader.next(kInboxPoll);
     agent.take_inbox();
@@ -232,18 +262,25 @@ bool fly_by_clock(Agent& agent, Control& control) {
   return control.goes_on();
 }
 
-bool fly(Agent& agent, Control& control) {
-  switch (agent.config().agent.pace) {
+bool fly_at_pace(const Flight& flight) {
+  switch (flight.agent.config().agent.pace) {
     case Pace::kMax:
-      return fly_as_fast_as_possible(agent, control);
+      return fly_as_fast_as_possible(flight);
     case Pace::kLockstep:
-      return fly_in_lockstep(agent, control);
+      return fly_in_lockstep(flight);
     case Pace::kRate:
-      return fly_by_clock(agent, control);
+      return fly_by_clock(flight);
     case Pace::kLive:
       break;  // flies no recording
   }
   throw std::logic_error("unknown pace");
+}
+
+bool fly(Agent& agent, Control& control) {
+  ImageReader reader(agent);
+  const bool complete = fly_at_pace({agent, reader, control});
+  agent.count_dropped(reader.left_out());
+  return complete;
 }
 
 // False: stopped meanwhile. Flies without those that do not come.

@@ -313,11 +313,27 @@ cv::Mat read_image(const ImageEntry& image, int width, int height) {
   return pixels;
 }
 
+namespace {
+
+// Damaged ones are left out when it is flown. Throws what is wrong with the last, if all are.
+cv::Mat first_readable(const Dataset& dataset) {
+  const std::vector<ImageEntry>& images = dataset.images;
+  for (std::size_t i = 0;; ++i) {
+    try {
+      return read_image(images[i], dataset.camera.width, dataset.camera.height);
+    } catch (const std::runtime_error& error) {
+      if (i + 1 < images.size()) continue;
+      throw std::runtime_error(std::string("no image can be read: ") + error.what());
+    }
+  }
+}
+
+}  // namespace
+
 Dataset read_recording(const std::filesystem::path& mav0) {
   Dataset dataset = read_dataset(mav0);
   if (dataset.images.empty()) throw std::runtime_error(mav0.string() + ": no images");
-  const cv::Mat first =
-      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
+  const cv::Mat first = first_readable(dataset);
   dataset.thermal = dataset.thermal || first.depth() == CV_16U;
   return dataset;
 }

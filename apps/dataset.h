@@ -80,8 +80,8 @@ struct Dataset {
 // Grey pixels, CV_8UC1 or CV_16UC1, of the camera's size; an error names the image.
 [[nodiscard]] cv::Mat read_image(const ImageEntry& image, int width, int height);
 
-// A dataset to be flown: it has images, and the first of them says whether they have 16 bits.
-// Throws std::runtime_error as read_dataset does, and where there are none.
+// A dataset to be flown: it has images, and the first that can be read says whether they have 16
+// bits. Throws std::runtime_error as read_dataset does, and where there are none.
 [[nodiscard]] Dataset read_recording(const std::filesystem::path& mav0);
 
 }  // namespace covey

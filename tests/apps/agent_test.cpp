@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "apps/earlier_flight.h"
@@ -22,6 +23,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 TEST(ControlChannel, CommandsAndRepliesSurviveTheWire) {
   const auto receive =
@@ -131,6 +133,57 @@ TEST(Agent, FliesAloneWithoutATeam) {
   ASSERT_TRUE(camera.has_value());
   EXPECT_EQ(camera->time_offset_s.sigma_at_start[0], AgentConfig().estimator.time_offset_sigma_s);
   fs::remove_all(out);
+}
+
+// A recording of which files can be spoiled.
+class SpoiledRecording : public testing::Test {
+ protected:
+  SpoiledRecording() {
+    fs::copy(fs::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0", mav0_, fs::copy_options::recursive);
+    for (const auto& entry : fs::directory_iterator(mav0_ / "cam0" / "data"))
+      images_.push_back(entry.path());
+    std::sort(images_.begin(), images_.end());
+  }
+  void cut_short(std::size_t image) const { fs::resize_file(images_.at(image), 1000); }
+  [[nodiscard]] std::vector<std::string> command(const std::string& pace) const {
+    const json settings = {{"agent",
+                            {{"mode", "solo"},
+                             {"pace", pace},
+                             {"real_time_factor", 4},
+                             {"image_queue", 1000},
+                             {"dataset", mav0_},
+                             {"out", out_}}}};
+    return {"agent", "--config", folder_.write("config.json", settings.dump()).string()};
+  }
+
+  TemporaryFolder folder_;
+  const fs::path mav0_ = folder_.path() / "mav0", out_ = folder_.path() / "out";
+  std::vector<fs::path> images_;
+};
+
+class SpoiledAtAnyPace : public SpoiledRecording,
+                         public testing::WithParamInterface<const char*> {};
+
+TEST_P(SpoiledAtAnyPace, ImagesThatCannotBeReadAreLeftOutAndCounted) {
+  for (const std::size_t image : {0, 20, 21}) cut_short(image);
+  CoveyProcess covey(command(GetParam()));
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr(images_[0].string() + ": image is damaged or cut short"));
+  EXPECT_THAT(covey.output(), Not(HasSubstr(images_[20].string()))) << "told once";
+  const json summary = json::parse(file_content(out_ / kAgentSummaryFile));
+  EXPECT_EQ(summary["frames"], COVEY_TEST_FLIGHT_FRAMES - 3);
+  EXPECT_EQ(summary["frames_dropped"], 3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Paces, SpoiledAtAnyPace, testing::Values("max", "rate"),
+                         [](const auto& pace) { return std::string(pace.param); });
+
+TEST_F(SpoiledRecording, OfWhichNoImageCanBeReadIsNotFlown) {
+  for (std::size_t i = 0; i < images_.size(); ++i) cut_short(i);
+  CoveyProcess covey(command("max"));
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), HasSubstr("no image can be read: " + images_.back().string()));
+  EXPECT_FALSE(fs::exists(out_));
 }
 
 TEST(StatusFile, IsDueASecondAfterItWasWritten) {
