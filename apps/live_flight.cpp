@@ -186,15 +186,42 @@ void warn_of_wait(const Agent& agent, double waited_s, Complaints& complaints) {
   if (reason && waited_s > kPatience_s) complaints.tell("start", "does not start yet: " + *reason);
 }
 
-// Each image as soon as the IMU has passed it.
-void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
+// When agent.duration_s is over: by the stamps of images, and by this computer's clock once no more
+// come.
+class FlightTime {
+ public:
+  FlightTime(double duration_s, TimeNs first_ns) : duration_s_(duration_s), first_ns_(first_ns) {}
+
+  void see(const CameraImage& image) {
+    newest_ns_ = image.stamp_ns;
+    newest_ms_ = steady_ms();
+  }
+  [[nodiscard]] bool is_over() const {
+    constexpr double kSilence_s = 1;
+    if (duration_s_ == 0) return false;
+    if (seconds_between(first_ns_, newest_ns_) > duration_s_) return true;
+    const double now_ms = steady_ms();
+    return now_ms - begun_ms_ > 1e3 * duration_s_ && now_ms - newest_ms_ > 1e3 * kSilence_s;
+  }
+
+ private:
+  double duration_s_ = 0;
+  TimeNs first_ns_ = 0, newest_ns_ = first_ns_;
+  double begun_ms_ = steady_ms(), newest_ms_ = begun_ms_;
+};
+
+// Each image as soon as the IMU has passed it. False: stopped before agent.duration_s was over.
+bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
                        std::optional<CameraImage> image) {
-  const double duration_s = agent.config().agent.duration_s;
   const TimeNs first_ns = image->stamp_ns;
+  FlightTime time(agent.config().agent.duration_s, first_ns);
   Complaints complaints;
   while (!stop_requested()) {
-    if (!image) image = sensors.next_image();
-    if (image && duration_s > 0 && seconds_between(first_ns, image->stamp_ns) > duration_s) return;
+    if (!image) {
+      image = sensors.next_image();
+      if (image) time.see(*image);
+    }
+    if (time.is_over()) return true;
     const bool covered = image && link.wait_for_imu(agent.imu_moment(image->stamp_ns), kPoll);
     agent.add_imu(sensors.imu());
     agent.take_inbox();
@@ -207,6 +234,17 @@ void fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     sensors.warn_of_trouble();
     agent.show_status();
   }
+  return agent.config().agent.duration_s == 0;
+}
+
+// Nobody else does. Who is stopped on the ground need not have started.
+void tell_of_start(const AgentSummary& summary, bool stopped) {
+  if (!summary.not_started) return;
+  const std::string why =
+      "did not start: " +
+      (summary.frames > 0 ? *summary.not_started : "no image has come that the IMU has passed");
+  if (!stopped) throw std::runtime_error(why);
+  spdlog::warn("{}", why);
 }
 
 }  // namespace
@@ -232,10 +270,12 @@ bool run_live_agent(const AgentConfig& config) {
     description.thermal = true;
     agent.emplace(config, description, link);
   }
-  fly_until_stopped(*agent, link, sensors, std::move(image));
+  const bool complete = fly_until_stopped(*agent, link, sensors, std::move(image));
   agent->count_dropped(sensors.dropped());
-  agent->finish();
-  return config.agent.duration_s == 0 || !stop_requested();
+  const AgentSummary summary =
+      agent->finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
+  tell_of_start(summary, stop_requested());
+  return complete;
 }
 
 }  // namespace covey

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -67,6 +68,15 @@ class LiveFlight : public testing::Test {
 
   [[nodiscard]] std::vector<std::string> play(const std::string& config) const {
     return {"play", mav0_, "--config", config, "--rate", "4"};
+  }
+
+  // The IMU goes on.
+  void keep_images(int images) const {
+    const fs::path list = mav0_ / "cam0" / "data.csv";
+    std::istringstream all(file_content(list));
+    std::ofstream kept(list);
+    std::string line;
+    for (int i = 0; i <= images && std::getline(all, line); ++i) kept << line << '\n';
   }
 
   [[nodiscard]] json summary(const std::string& pace) const {
@@ -161,6 +171,61 @@ TEST_F(LiveFlight, EndsInGoodOrderWhenItIsStopped) {
   ASSERT_EQ(player.finish(), 0) << player.output();
   drone.send(SIGTERM);
   EXPECT_EQ(drone.finish(), 0) << drone.output();
+  EXPECT_GT(summary("live")["frames"], 0);
+  EXPECT_FALSE(summary("live").contains("incomplete"));
+}
+
+TEST_F(LiveFlight, EndsInTimeThoughItsCameraHasGoneSilent) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 1.5;
+  const std::string config = config_file(wanted);
+  keep_images(12);
+  CoveyProcess drone({"agent", "--config", config});
+  CoveyProcess player(play(config));
+  ASSERT_EQ(player.finish(), 0) << player.output();
+  EXPECT_EQ(drone.finish(), 0) << drone.output();
+  EXPECT_EQ(summary("live")["frames"], 12);
+}
+
+TEST_F(LiveFlight, EndsInTimeThoughItsImuIsSilent) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 1;
+  const std::string config = config_file(wanted);
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+  SensorPlayer player(read_config(config).onboard);
+  while (!player.is_heard()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  CameraImage image{nanoseconds(1), 752, 480, 1, std::vector<std::uint8_t>(std::size_t{752} * 480)};
+  for (int i = 0; i < 4; ++i) {
+    player.play(image);
+    image.stamp_ns += nanoseconds(0.05);
+  }
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(),
+              HasSubstr("did not start: no image has come that the IMU has passed"));
+}
+
+TEST_F(LiveFlight, SaysThatItWasStoppedBeforeItsTimeWasOver) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 1000;
+  const std::string config = config_file(wanted);
+  CoveyProcess drone({"agent", "--config", config});
+  CoveyProcess player(play(config));
+  ASSERT_EQ(player.finish(), 0) << player.output();
+  drone.send(SIGTERM);
+  EXPECT_EQ(drone.finish(), 1) << drone.output();
+  EXPECT_EQ(summary("live")["incomplete"], "was stopped");
+}
+
+TEST_F(LiveFlight, SaysThatItDidNotStartUntilItsTimeWasOver) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 0.3;  // a static start takes longer
+  const std::string config = config_file(wanted);
+  CoveyProcess drone({"agent", "--config", config});
+  CoveyProcess player(play(config));
+  ASSERT_EQ(player.finish(), 0) << player.output();
+  EXPECT_EQ(drone.finish(), 1) << drone.output();
+  EXPECT_THAT(drone.output(), HasSubstr("uav0: did not start: "));
   EXPECT_GT(summary("live")["frames"], 0);
 }
 
