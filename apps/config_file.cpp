@@ -171,7 +171,24 @@ void require_possible(const AgentConfig& config) {
   }
 }
 
+namespace {
+
+// As JSON is; names of folders need not be.
+void require_utf8(const std::string& key, const std::string& value) {
+  try {
+    (void)Json(value).dump();
+  } catch (const Json::exception&) {
+    throw std::runtime_error(key + " is not UTF-8, in which settings are written: " +
+                             Json(value).dump(-1, ' ', false, Json::error_handler_t::replace));
+  }
+}
+
+}  // namespace
+
 std::string print_config(const AgentConfig& config) {
+  require_utf8("agent.name", config.agent.name);
+  require_utf8("agent.dataset", config.agent.dataset);
+  require_utf8("agent.out", config.agent.out);
   AgentConfig copy = config;
   const auto json = to_ordered_json([&](ConfigVisitor& visitor) { visit_config(copy, visitor); });
   return json.dump(2) + "\n";

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
@@ -32,17 +33,25 @@ FreeDomain::FreeDomain() {
   constexpr int kFirst = 1, kLast = 60;
   const std::filesystem::path folder = std::filesystem::temp_directory_path();
   const int start = getpid() % (kLast - kFirst + 1);
+  std::string not_opened;  // why, if any was not
   for (int i = 0; i <= kLast - kFirst; ++i) {
     const int id = kFirst + (start + i) % (kLast - kFirst + 1);
     const auto file = folder / ("covey-domain-" + std::to_string(id) + ".lock");
     const int fd = open_lock(file.c_str());
-    if (fd < 0) continue;
+    if (fd < 0) {
+      not_opened = file.string() + " cannot be opened: " + std::strerror(errno);
+      continue;
+    }
     if (flock(fd, LOCK_EX | LOCK_NB) == 0) {
       id_ = id;
       lock_fd_ = fd;
       return;
     }
     close(fd);
+  }
+  if (!not_opened.empty()) {
+    throw std::runtime_error("no free DDS domain: " + not_opened +
+                             "; set TMPDIR to a folder that can be written to");
   }
   throw std::runtime_error("no free DDS domain: all of " + std::to_string(kFirst) + ".." +
                            std::to_string(kLast) + " are locked in " + folder.string() +

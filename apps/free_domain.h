@@ -9,7 +9,7 @@ namespace covey {
 // go of whatever happens to the program.
 class FreeDomain {
  public:
-  FreeDomain();  // throws std::runtime_error when all are taken
+  FreeDomain();  // throws std::runtime_error when all are taken or the folder allows no file
   ~FreeDomain();
   FreeDomain(const FreeDomain&) = delete;
   FreeDomain& operator=(const FreeDomain&) = delete;

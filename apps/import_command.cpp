@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/import_command.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -123,9 +124,19 @@ std::optional<std::string> wrong_size(const CameraImage& image, const CameraIntr
          "/cam0/sensor.yaml is of a camera of " + size(camera.width, camera.height);
 }
 
-// By how much stamps are moved, which the first image decides. Images are those that a live agent
-// would fly.
-TimeNs import_images(const Bag& bag, const BagTopic& topic, const CameraIntrinsics& camera,
+// By how much stamps are moved. Stamps below zero are none.
+TimeNs shift_of(const Options& options, TimeNs first_image_ns, TimeNs first_imu_ns) {
+  if (!options.first_stamp_s) return 0;
+  const TimeNs shift_ns = nanoseconds(*options.first_stamp_s) - first_image_ns;
+  if (first_imu_ns + shift_ns >= 0) return shift_ns;
+  throw std::runtime_error(
+      fmt::format("--first-stamp {:g} is too early: the IMU begins {:.3f} s before the first image",
+                  *options.first_stamp_s, seconds_between(first_imu_ns, first_image_ns)));
+}
+
+// By how much stamps are moved, which the first image decides; the IMU of `dataset` is as it was
+// recorded. Images are those that a live agent would fly.
+TimeNs import_images(const Bag& bag, const BagTopic& topic, const Dataset& dataset,
                      const Options& options, const fs::path& cam0) {
   ImageList list(cam0);
   Progress progress(topic.messages);
@@ -135,13 +146,11 @@ TimeNs import_images(const Bag& bag, const BagTopic& topic, const CameraIntrinsi
   std::size_t read = 0;
   const auto write = [&](std::vector<CameraImage> images) {
     for (CameraImage& image : images) {
-      if (const auto reason = wrong_size(image, camera, options)) {
+      if (const auto reason = wrong_size(image, dataset.camera, options)) {
         left_out.count(*reason);
         continue;
       }
-      if (!shift_ns) {
-        shift_ns = options.first_stamp_s ? nanoseconds(*options.first_stamp_s) - image.stamp_ns : 0;
-      }
+      if (!shift_ns) shift_ns = shift_of(options, image.stamp_ns, dataset.imu.front().stamp_ns);
       write_png(list.add(image.stamp_ns + *shift_ns).string(), pixels_of(image));
     }
   };
@@ -164,7 +173,7 @@ TimeNs import_images(const Bag& bag, const BagTopic& topic, const CameraIntrinsi
 
 // Those that a live agent would use and, sorted, those that it would not, as they were late:
 // drivers say some samples late, and a filter that reads a file need not mind.
-std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs shift_ns) {
+std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic) {
   std::vector<ImuSample> samples;
   LeftOut left_out;
   StampOrder<ImuSample> order;
@@ -191,7 +200,6 @@ std::vector<ImuSample> read_imu(const Bag& bag, const BagTopic& topic, TimeNs sh
   };
   samples.erase(std::unique(samples.begin(), samples.end(), same_time), samples.end());
   if (samples.empty()) left_out.fail(topic.name);
-  for (ImuSample& sample : samples) sample.stamp_ns += shift_ns;
   left_out.warn(topic.name);
   return samples;
 }
@@ -213,7 +221,7 @@ std::string with_name(std::string warning, const fs::path& was, const fs::path& 
 
 void import_bag(const Options& options) {
   catch_stop_signals();
-  const Dataset sensors = read_sensors(options.sensors);
+  Dataset dataset = read_sensors(options.sensors);
   const Bag bag(options.bag);
   const BagTopic images = choose_images(bag, options);
   const BagTopic imu =
@@ -222,8 +230,10 @@ void import_bag(const Options& options) {
   const fs::path mav0 = folder.path() / "mav0";
   copy_sensor_file(options, mav0, "cam0");
   copy_sensor_file(options, mav0, "imu0");
-  const TimeNs shift_ns = import_images(bag, images, sensors.camera, options, mav0 / "cam0");
-  write_imu_csv(mav0 / "imu0" / "data.csv", read_imu(bag, imu, shift_ns));
+  dataset.imu = read_imu(bag, imu);
+  const TimeNs shift_ns = import_images(bag, images, dataset, options, mav0 / "cam0");
+  for (ImuSample& sample : dataset.imu) sample.stamp_ns += shift_ns;
+  write_imu_csv(mav0 / "imu0" / "data.csv", dataset.imu);
   const Dataset written = read_dataset(mav0);  // as whoever flies it will
   const fs::path staged = folder.path();
   folder.commit();

@@ -123,12 +123,14 @@ TeamOptions team_options(const Options& options) {
   if (!options.config_file.empty()) {
     team.config = read_json_file(options.config_file);
     team.config_name = options.config_file;
+    AgentConfig settings;
+    merge_config(team.config, team.config_name, settings);  // before anything is put into them
   }
   team.init = chosen_start(options.init, team);
   team.unknown_start = options.unknown_start;
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
-  (void)agent_config(team, team.drones.front(), 0);
+  for (const DroneFolder& drone : team.drones) (void)print_config(agent_config(team, drone, 0));
   warn_of_one_start(team);
   return team;
 }

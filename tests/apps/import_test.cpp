@@ -264,6 +264,20 @@ TEST_F(Import, FlightsOfDifferentTimesArePutSideBySide) {
   EXPECT_EQ(dataset.imu.front().stamp_ns, 1000 * kSecond_ns - 10 * kImuPeriod_ns);
 }
 
+TEST_F(Import, AFirstStampBeforeWhichTheImuBeginsIsTooEarly) {
+  {
+    BagWriter writer(bag() / "flight_0.db3");
+    const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    for (int i = -600; i < -10; ++i) writer.add(imu, sample_at(i).stamp_ns, encode(sample_at(i)));
+  }
+  record("flight_1.db3", 0, 3);
+  EXPECT_THAT(complaint_of(command("--first-stamp 1")),
+              HasSubstr("--first-stamp 1 is too early: the IMU begins 3.000 s before"));
+  EXPECT_FALSE(fs::exists(out()));
+  run_command(command("--first-stamp 3"));
+  EXPECT_EQ(read_recording(out() / "mav0").imu.front().stamp_ns, 0);
+}
+
 TEST_F(Import, WhatCannotBeUsedIsLeftOut) {
   record("flight_0.db3", 0, 3);
   {
@@ -600,8 +614,9 @@ TEST_F(Import, ATopicOfWhichNothingCanBeUsedIsNamed) {
   {
     BagWriter writer(bag() / "flight_0.db3");
     const int camera = writer.add_topic("/camera/image_raw", "sensor_msgs/msg/Image");
-    writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
     writer.add(camera, kBegin_ns, Bytes(40, 0x28));  // as compressed messages are
+    writer.add(imu, kBegin_ns, encode(sample_at(0)));
   }
   EXPECT_THAT(complaint_of(command()), HasSubstr("/camera/image_raw: nothing of it can be used"));
 }

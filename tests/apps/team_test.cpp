@@ -230,6 +230,28 @@ TEST_F(Team, AnUnknownKeyOfTheConfigurationIsNamedBeforeAnythingStarts) {
   EXPECT_FALSE(fs::exists(run_));
 }
 
+TEST_F(Team, SettingsThatAreNoneAreNamedWhateverIsSaidBesideThem) {
+  const TemporaryFolder folder;
+  for (const char* const settings : {"[]", R"({"thermal": "raw"})"}) {
+    const fs::path file = folder.write("settings.json", settings);
+    CoveyProcess covey(command({"--config", file.string(), "--thermal", "raw"}));
+    EXPECT_EQ(covey.finish(), 1);
+    EXPECT_THAT(covey.output(), StartsWith("covey: " + file.string() + ": "));
+  }
+}
+
+TEST_F(Team, AFolderWhoseNameIsNotUtf8IsNamed) {
+  const TemporaryFolder folder;
+  const fs::path dataset = folder.path() / "d\xe9";
+  fs::create_directory_symlink(kDataset, dataset);
+  for (const char* const mode : {"collaborative", "solo"}) {
+    CoveyProcess covey({"team", dataset, "--out", run_, "--mode", mode});
+    EXPECT_EQ(covey.finish(), 1);
+    EXPECT_THAT(covey.output(), HasSubstr("covey: agent.dataset is not UTF-8"));
+    EXPECT_FALSE(fs::exists(run_));
+  }
+}
+
 TEST_F(Team, AFilterTooLargeForWholeMessagesIsNamedBeforeItFlies) {
   const std::string file = testing::TempDir() + "covey_team_large_filter.json";
   std::ofstream(file) << R"({"estimator": {"max_slam_features": 80}})";
@@ -419,23 +441,47 @@ TEST_F(Team, UnknownDronesFlagsAndPacesAreBadUsage) {
   EXPECT_EQ(exchange.finish(), 2);
 }
 
-// Only the system can tell what another user may do.
+// Why a user without rights finds no domain by lock files in `folder`, or nothing. Only the system
+// can tell what another user may do.
+std::string complaint_about_locks(const fs::path& folder) {
+  const char* before = std::getenv("TMPDIR");
+  const std::string temporary = before == nullptr ? "/tmp" : before;
+  setenv("TMPDIR", folder.c_str(), 1);
+  constexpr uid_t kNobody = 65534;
+  const uid_t own = geteuid();
+  EXPECT_EQ(seteuid(own == 0 ? kNobody : own), 0);
+  std::string complaint;
+  try {
+    const FreeDomain domain;
+  } catch (const std::exception& error) {
+    complaint = error.what();
+  }
+  EXPECT_EQ(seteuid(own), 0);
+  setenv("TMPDIR", temporary.c_str(), 1);
+  return complaint;
+}
+
+constexpr fs::perms kReadByAll =
+    fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read;
+
 TEST(FreeDomain, LockFilesOfAnotherUserLockNobodyOut) {
   const TemporaryFolder folder;
   fs::permissions(folder.path(), fs::perms::all | fs::perms::sticky_bit);
   for (int id = 1; id <= 60; ++id) {
     const fs::path file = folder.write("covey-domain-" + std::to_string(id) + ".lock", "");
-    fs::permissions(file, fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+    fs::permissions(file, kReadByAll);
   }
-  const char* before = std::getenv("TMPDIR");
-  const std::string temporary = before == nullptr ? "/tmp" : before;
-  setenv("TMPDIR", folder.path().c_str(), 1);
-  constexpr uid_t kNobody = 65534;
-  const uid_t own = geteuid();
-  EXPECT_EQ(seteuid(own == 0 ? kNobody : own), 0);
-  EXPECT_NO_THROW(FreeDomain());
-  EXPECT_EQ(seteuid(own), 0);
-  setenv("TMPDIR", temporary.c_str(), 1);
+  EXPECT_EQ(complaint_about_locks(folder.path()), "");
+}
+
+TEST(FreeDomain, AFolderThatAllowsNoLockFileIsNamed) {
+  const TemporaryFolder folder;
+  constexpr fs::perms kEnterByAll =
+      fs::perms::owner_exec | fs::perms::group_exec | fs::perms::others_exec;
+  fs::permissions(folder.path(), kReadByAll | kEnterByAll);
+  EXPECT_THAT(complaint_about_locks(folder.path()),
+              AllOf(HasSubstr((folder.path() / "covey-domain-").string()),
+                    HasSubstr(".lock cannot be opened: Permission denied"), HasSubstr("TMPDIR")));
 }
 
 TEST(FreeDomain, TwoTeamsNeverGetTheSame) {
