@@ -138,7 +138,23 @@ CollaboratorConfig collaborator_config(const AgentConfig& config, bool has_truth
   return collaboration;
 }
 
+namespace {
+
+// Of the least and the most of something.
+void require_order(const AgentConfig& config) {
+  const OutlierConfig& outliers = config.tracker.outliers;
+  if (config.estimator.min_depth >= config.estimator.max_depth)
+    throw std::runtime_error("estimator.min_depth_m is not below estimator.max_depth_m");
+  if (outliers.min_epipolar_px > outliers.max_epipolar_px) {
+    throw std::runtime_error(
+        "tracker.outlier_min_epipolar_px is above tracker.outlier_max_epipolar_px");
+  }
+}
+
+}  // namespace
+
 void require_possible(const AgentConfig& config) {
+  require_order(config);
   if (config.agent.pace == Pace::kLive && config.initialisation.method != InitMethod::kStatic) {
     throw std::runtime_error(
         "agent.pace is live, and no ground truth says where a live flight starts: set "

@@ -160,7 +160,7 @@ void visit_tracker(TrackerConfig& tracker, ConfigVisitor& v) {
            "by which errors are larger than an alignment claims");
   v.number("lasting_scale", tracker.lasting_scale, {1, 1000},
            "by how much more where a track is used in every image, since errors last");
-  v.count("pyramid_levels", tracker.pyramid_levels, {1, 8}, "the image itself and its halves");
+  v.count("pyramid_levels", tracker.pyramid_levels, {1, 6}, "the image itself and its halves");
   v.count("predicted_levels", tracker.predicted_levels, {1, 8},
           "of them, tried first for a track whose motion is known");
   v.number("min_correlation", tracker.min_correlation, {-1, 1},
@@ -211,7 +211,7 @@ void visit_outliers(TrackerConfig& tracker, ConfigVisitor& v) {
            "[px] never a wider band than this");
   v.number("outlier_parallax_px", tracker.outliers.parallax_px, {0, 1000},
            "[px] images are compared when this far apart");
-  v.count("outlier_max_lag", tracker.outliers.max_lag, {1, 1000}, "images apart at most");
+  v.count("outlier_max_lag", tracker.outliers.max_lag, {2, 15}, "images apart at most");
   v.count("outlier_iterations", tracker.outliers.iterations, {1, 1e5}, "of RANSAC");
   v.count("outlier_min_tracks", tracker.outliers.min_tracks, {0, 1e5},
           "with fewer nothing is rejected");

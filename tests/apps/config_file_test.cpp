@@ -172,6 +172,35 @@ TEST(AgentConfig, AWorldOfItsOwnIsNoCommonStart) {
               ThrowsMessage<std::runtime_error>(HasSubstr("needs fusion.mode joint")));
 }
 
+TEST(AgentConfig, TheLeastIsBelowTheMost) {
+  AgentConfig config = merged({{"estimator", {{"min_depth_m", 1000}, {"max_depth_m", 1}}}});
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr("estimator.min_depth_m"), HasSubstr("estimator.max_depth_m"))));
+  config = merged({{"tracker", {{"outlier_min_epipolar_px", 9}, {"outlier_max_epipolar_px", 8}}}});
+  EXPECT_THAT([&] { require_possible(config); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("tracker.outlier_min_epipolar_px")));
+}
+
+TEST(AgentConfig, TheTrackerTakesWhatItsRangesSay) {
+  CameraIntrinsics camera;
+  camera.width = 640, camera.height = 480;
+  camera.fx = camera.fy = 400;
+  for (const int levels : {1, 6}) {
+    for (const int lag : {2, 15}) {
+      const AgentConfig config =
+          merged({{"tracker", {{"pyramid_levels", levels}, {"outlier_max_lag", lag}}}});
+      EXPECT_NO_THROW(Tracker(config.tracker, camera));
+    }
+  }
+  for (const int levels : {0, 7})
+    EXPECT_THAT(complaint_about({{"tracker", {{"pyramid_levels", levels}}}}),
+                HasSubstr("tracker.pyramid_levels"));
+  for (const int lag : {1, 16})
+    EXPECT_THAT(complaint_about({{"tracker", {{"outlier_max_lag", lag}}}}),
+                HasSubstr("tracker.outlier_max_lag"));
+}
+
 TEST(AgentConfig, NobodyWaitsForMoreThanATeamMayBe) {
   EXPECT_THAT(complaint_about({{"link", {{"max_agents", kMaxAgents + 1}}}}),
               HasSubstr("link.max_agents"));
