@@ -35,7 +35,7 @@ class StampOrder {
   std::vector<Sample> add(Sample sample) {
     const TimeNs stamp_ns = sample.stamp_ns;
     const bool as_expected = newest_ && follows(stamp_ns, *newest_);
-    if (!as_expected && (is_late(stamp_ns) || is_behind_held(stamp_ns)))
+    if (!as_expected && (is_behind(stamp_ns, newest_) || is_behind_held(stamp_ns)))
       return leave_out(counts_.late);
     if (as_expected || (!held_.empty() && !follows(stamp_ns, held_.back().stamp_ns)))
       give_up_held();
@@ -52,9 +52,10 @@ class StampOrder {
     return std::exchange(held_, {});
   }
 
-  // Of the same clock as the newest that is believed, but not newer.
+  // Of the same clock as the newest that is believed, but not newer. Those that are held may be of
+  // a clock that was set back.
   [[nodiscard]] bool is_late(TimeNs stamp_ns) const {
-    return newest_ && is_behind(stamp_ns, *newest_);
+    return held_.empty() && is_behind(stamp_ns, newest_);
   }
 
   [[nodiscard]] const StampCounts& counts() const { return counts_; }
@@ -66,8 +67,8 @@ class StampOrder {
   static bool follows(TimeNs stamp_ns, TimeNs before_ns) {
     return stamp_ns > before_ns && stamp_ns - before_ns <= kFar_ns;
   }
-  static bool is_behind(TimeNs stamp_ns, TimeNs before_ns) {
-    return stamp_ns <= before_ns && before_ns - stamp_ns <= kFar_ns;
+  static bool is_behind(TimeNs stamp_ns, std::optional<TimeNs> before_ns) {
+    return before_ns && stamp_ns <= *before_ns && *before_ns - stamp_ns <= kFar_ns;
   }
   [[nodiscard]] bool is_behind_held(TimeNs stamp_ns) const {
     return !held_.empty() && is_behind(stamp_ns, held_.back().stamp_ns);

@@ -330,6 +330,21 @@ TEST_F(Import, AWrongStampCostsItsOwnSampleAlone) {
   }
 }
 
+TEST_F(Import, AnImuWhoseClockIsSetBackIsLeftOutUntilItHasCaughtUp) {
+  record("flight_0.db3", 0, 80);  // the last sample is that of index 809
+  {
+    BagWriter writer(bag() / "flight_1.db3");
+    const int imu = writer.add_topic("/imu/data_raw", "sensor_msgs/msg/Imu");
+    for (int i = 420; i < 820; ++i) {
+      ImuSample sample = sample_at(i);
+      sample.stamp_ns += kImuPeriod_ns / 2;
+      writer.add(imu, sample.stamp_ns, encode(sample));
+    }
+  }
+  run_command(command());
+  EXPECT_EQ(read_recording(out() / "mav0").imu.size(), 820U + 11U) << "from index 809 on";
+}
+
 TEST_F(Import, AnImageOfAnotherSizeIsLeftOutAlone) {
   record("flight_0.db3", 0, 3);
   {
