@@ -561,6 +561,7 @@ AgentSummary Agent::summary() const {
         static_cast<double>(track_sightings_) / static_cast<double>(tracks_begun_);
   }
   if (link_) summary.link = link_summary();
+  summary.lost_lines = lost_lines();
   return summary;
 }
 
@@ -641,6 +642,24 @@ nlohmann::json peer_worlds(const DriftFilter& team) {
 
 }  // namespace
 
+LostLines Agent::lost_lines() const {
+  LostLines lost = odometry_file_.lost_lines();
+  lost.merge(timing_file_.lost_lines());
+  lost.merge(link_file_.lost_lines());
+  lost.merge(exchange_file_.lost_lines());
+  if (thermal_file_) lost.merge(thermal_file_->lost_lines());
+  return lost;
+}
+
+// Without it the summary still says how the flight went.
+void Agent::keep_field() const {
+  try {
+    write_field(folder_, pipeline_.calibration()->field());
+  } catch (const std::exception& error) {
+    spdlog::warn("{}", error.what());
+  }
+}
+
 AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   warn_of_rows();
   if (link_) {
@@ -648,14 +667,7 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
     warn_of_moves();
   }
   if (link_) link_->close();
-  odometry_file_.close();
-  timing_file_.close();
-  link_file_.close();
-  exchange_file_.close();
-  if (thermal_file_) {
-    thermal_file_->close();
-    write_field(folder_, pipeline_.calibration()->field());
-  }
+  if (pipeline_.calibration() != nullptr) keep_field();
   AgentSummary told = summary();
   told.incomplete = incomplete;
   nlohmann::json json = to_json(told);

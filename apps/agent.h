@@ -86,7 +86,7 @@ class Agent {
   [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
-  // Closes the files and writes the summary. `incomplete`: why the flight ended early, if it did.
+  // Writes the summary. `incomplete`: why the flight ended early, if it did.
   AgentSummary finish(const std::optional<std::string>& incomplete = {});
 
  private:
@@ -119,6 +119,8 @@ class Agent {
   [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
   [[nodiscard]] LinkSummary link_summary() const;
+  [[nodiscard]] LostLines lost_lines() const;
+  void keep_field() const;
   [[nodiscard]] AgentSummary summary() const;
   [[nodiscard]] nlohmann::json exchange_details() const;
 

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/csv.h"
 
+#include <fcntl.h>
+#include <spdlog/spdlog.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <fstream>
 #include <stdexcept>
+#include <system_error>
 
 namespace covey {
 namespace {
@@ -37,6 +43,18 @@ bool parse(std::string_view text, Number& value) {
   if (!text.empty() && text.front() == '+') text.remove_prefix(1);
   const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
   return result.ec == std::errc() && result.ptr == text.data() + text.size();
+}
+
+// How much of it there was room for.
+std::size_t write_some(int fd, const std::string& text) {
+  std::size_t written = 0;
+  while (written < text.size()) {
+    const ssize_t bytes = ::write(fd, text.data() + written, text.size() - written);
+    if (bytes < 0 && errno == EINTR) continue;
+    if (bytes <= 0) break;
+    written += static_cast<std::size_t>(bytes);
+  }
+  return written;
 }
 
 }  // namespace
@@ -150,19 +168,48 @@ void CsvReader::fail(const std::string& what) const {
 }
 
 LineWriter::LineWriter(const std::filesystem::path& file, const std::string& header)
-    : file_(file), stream_(file, std::ios::binary) {
-  if (!stream_) {
+    : file_(file),
+      header_(header.empty() ? "" : header + '\n'),
+      fd_(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0666)) {
+  if (fd_.get() < 0) {
     throw std::runtime_error(file.string() + ": cannot be written: does its folder exist?");
   }
-  if (!header.empty()) write_line(header);
+  append(header_);
 }
 
 // Handed over at once: what a program wrote is there, however it ends.
-void LineWriter::write_line(const std::string& line) { stream_ << line << std::endl; }
+void LineWriter::write_line(const std::string& line) {
+  const bool headless = whole_bytes_ == 0;  // there was no room for it, either
+  if (!append((headless ? header_ : "") + line + '\n')) ++lost_lines_;
+}
 
-void LineWriter::close() {
-  stream_.close();
-  if (!stream_) throw std::runtime_error(file_.string() + ": not written whole: is the disk full?");
+void LineWriter::require_whole() const {
+  if (lost_lines_ == 0) return;
+  throw std::runtime_error(file_.string() + ": " + std::to_string(lost_lines_) +
+                           " lines could not be written: is the disk full?");
+}
+
+// All of it or nothing.
+bool LineWriter::append(const std::string& text) {
+  const std::size_t written = take_back_torn_line() ? write_some(fd_.get(), text) : 0;
+  if (written == text.size()) {
+    whole_bytes_ += static_cast<std::int64_t>(written);
+    return true;
+  }
+  if (!warned_) {
+    spdlog::warn("{}: cannot be written ({}): lines are left out until there is room",
+                 file_.string(), std::generic_category().message(errno));
+  }
+  warned_ = true;
+  torn_ = torn_ || written > 0;
+  take_back_torn_line();
+  return false;
+}
+
+// The next line would go on where it ends.
+bool LineWriter::take_back_torn_line() {
+  torn_ = torn_ && ::ftruncate(fd_.get(), whole_bytes_) != 0;
+  return !torn_;
 }
 
 void require_increasing(const CsvReader& reader, TimeNs previous_ns, TimeNs stamp_ns) {

@@ -5,12 +5,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "apps/file_descriptor.h"
 #include "estimator/measurements.h"
 
 namespace covey {
@@ -59,17 +60,30 @@ class CsvReader {
   std::vector<std::string_view> fields_;
 };
 
-// A text file that is written line by line. Throws when it cannot be opened; `close` throws when a
-// line was lost (a full disk).
+// A text file that is written line by line. Throws when it cannot be opened. A line for which there
+// is no room (a full disk) is left out, which is warned of once; the file holds whole lines only,
+// and goes on as soon as there is room again.
 class LineWriter {
  public:
   explicit LineWriter(const std::filesystem::path& file, const std::string& header = "");
   void write_line(const std::string& line);
-  void close();
+
+  // Of `write_line`, those that were left out.
+  [[nodiscard]] std::int64_t lost_lines() const { return lost_lines_; }
+  // Throws std::runtime_error if a line was left out.
+  void require_whole() const;
 
  private:
+  bool append(const std::string& text);
+  bool take_back_torn_line();
+
   std::filesystem::path file_;
-  std::ofstream stream_;
+  std::string header_;
+  FileDescriptor fd_;
+  std::int64_t whole_bytes_ = 0;  // up to the end of the last line
+  bool torn_ = false;             // a piece of a line stands after it
+  bool warned_ = false;
+  std::int64_t lost_lines_ = 0;
 };
 
 // Throws through `reader` when `stamp_ns` does not come after `previous_ns`.

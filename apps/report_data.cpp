@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report_data.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <limits>
 #include <stdexcept>
@@ -85,6 +87,10 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   agent.name = name;
   agent.summary = summary;
   const fs::path folder = run / name;
+  for (const auto& [file, lines] : summary.lost_lines) {
+    read.note(fmt::format("{}: {} lines of {} are missing: there was no room for them", name, lines,
+                          file));
+  }
   agent.camera = read.if_there(folder / kAgentSummaryFile, read_camera_changes);
   if (summary.not_started) {
     read.note(name + " did not start: " + *summary.not_started);

@@ -7,6 +7,8 @@
 #include <string>
 #include <string_view>
 
+#include "apps/whole_file.h"
+
 namespace covey {
 namespace {
 
@@ -144,6 +146,11 @@ std::vector<std::size_t> columns_of(const Header& header, const CountColumn<Reco
   return columns;
 }
 
+LostLines lost_in(const LineWriter& file, const std::string& name) {
+  if (file.lost_lines() == 0) return {};
+  return {{name, file.lost_lines()}};
+}
+
 }  // namespace
 
 OdometryWriter::OdometryWriter(const std::filesystem::path& folder)
@@ -155,9 +162,10 @@ void OdometryWriter::write(const Odometry& odometry) {
   covariance_.write_line(covariance_line({odometry.stamp_ns, odometry.pose_covariance}));
 }
 
-void OdometryWriter::close() {
-  trajectory_.close();
-  covariance_.close();
+LostLines OdometryWriter::lost_lines() const {
+  LostLines lost = lost_in(trajectory_, kTrajectoryFile);
+  lost.merge(lost_in(covariance_, kCovarianceFile));
+  return lost;
 }
 
 template <typename Record>
@@ -169,6 +177,11 @@ void RunFileWriter<Record>::write(const Record& record) {
   file_.write_line(line_of(record));
 }
 
+template <typename Record>
+LostLines RunFileWriter<Record>::lost_lines() const {
+  return lost_in(file_, file_of(Tag<Record>()));
+}
+
 template class RunFileWriter<TimingRecord>;
 template class RunFileWriter<LinkRecord>;
 template class RunFileWriter<ExchangeRecord>;
@@ -178,17 +191,16 @@ void write_field(const std::filesystem::path& folder, const cv::Mat& field) {
   constexpr int kColumns = 40;
   cv::Mat coarse;
   cv::resize(field, coarse, {kColumns, kColumns * field.rows / field.cols}, 0, 0, cv::INTER_AREA);
-  LineWriter file(folder / kFieldFile);
+  std::string lines;
   char cell[32];
   for (int y = 0; y < coarse.rows; ++y) {
-    std::string line;
     for (int x = 0; x < coarse.cols; ++x) {
       std::snprintf(cell, sizeof cell, "%s%.3g", x > 0 ? "," : "", coarse.at<float>(y, x));
-      line += cell;
+      lines += cell;
     }
-    file.write_line(line);
+    lines += '\n';
   }
-  file.close();
+  write_whole_file(folder / kFieldFile, lines);
 }
 
 std::vector<TimingRecord> read_timings(const std::filesystem::path& file) {

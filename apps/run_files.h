@@ -17,6 +17,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
@@ -85,12 +86,15 @@ struct PhotometricRecord {
   GainOffset map;       // grey levels to those of that image
 };
 
+// How many lines a full disk has kept out of each file; of those from which it has kept any.
+using LostLines = std::map<std::string, std::int64_t>;
+
 // trajectory.tum and trajectory_covariance.csv of one drone, in `folder`.
 class OdometryWriter {
  public:
   explicit OdometryWriter(const std::filesystem::path& folder);
   void write(const Odometry& odometry);
-  void close();
+  [[nodiscard]] LostLines lost_lines() const;
 
  private:
   LineWriter trajectory_;
@@ -103,7 +107,7 @@ class RunFileWriter {
  public:
   explicit RunFileWriter(const std::filesystem::path& folder);
   void write(const Record& record);
-  void close() { file_.close(); }
+  [[nodiscard]] LostLines lost_lines() const;
 
  private:
   LineWriter file_;

@@ -230,6 +230,7 @@ AgentSummary agent_from(const Object& json) {
   if (json.has("alignments")) agent.alignments = alignments_from(json.child("alignments"));
   if (json.has("not_started")) agent.not_started = json.get<std::string>("not_started");
   if (json.has("incomplete")) agent.incomplete = json.get<std::string>("incomplete");
+  if (json.has("lost_lines")) agent.lost_lines = json.get<LostLines>("lost_lines");
   return agent;
 }
 
@@ -328,6 +329,7 @@ nlohmann::json to_json(const AgentSummary& agent) {
   }
   if (agent.not_started) json["not_started"] = *agent.not_started;
   if (agent.incomplete) json["incomplete"] = *agent.incomplete;
+  if (!agent.lost_lines.empty()) json["lost_lines"] = agent.lost_lines;
   return json;
 }
 

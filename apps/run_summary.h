@@ -84,6 +84,7 @@ struct AgentSummary {
   std::optional<std::map<std::string, AlignmentSummary>> alignments;
   // Why the flight ended before the recording did; the key exists only then.
   std::optional<std::string> incomplete;
+  LostLines lost_lines;  // the key exists only if there are any
 };
 
 struct RunSummary {

@@ -122,6 +122,7 @@ StampedPoses in_own_world(StampedPoses truth, const fs::path& folder) {
   return truth;
 }
 
+// Throws where a file is broken, or truth and estimate are of other times.
 void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& summary) {
   const StampedPoses estimate = estimate_in(folder);
   std::optional<StampedPoses> truth = ground_truth_of(drone);
@@ -134,29 +135,47 @@ void evaluate(const DroneFolder& drone, const fs::path& folder, AgentSummary& su
   }
   summary.distance_m = path_length_m(estimate);
   if (!truth) return;
+  summary.accuracy =
+      summarize_accuracy(estimate, *truth, read_covariances(folder / kCovarianceFile));
+  const auto pairs = associate(estimate, *truth, AssociationOptions());
+  summary.distance_m = path_length_m(pairs);
+}
+
+std::vector<TimingRecord> timings_in(const fs::path& folder) {
+  const fs::path file = folder / kTimingsFile;
+  if (!fs::exists(file) || fs::file_size(file) == 0) return {};
+  return read_timings(file);
+}
+
+AgentSummary own_summary(const fs::path& folder, const std::vector<TimingRecord>& timings) {
+  const fs::path file = folder / kAgentSummaryFile;
+  if (!fs::exists(file)) return from_timings(timings);
+  return agent_summary_from_json(read_json_file(file), file.string());
+}
+
+// What one drone has left broken costs itself its figures, and nobody else the report.
+AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
+                             const std::optional<std::string>& ended_early) {
+  if (ended_early) drop_incomplete_lines(folder);
+  std::vector<TimingRecord> timings;
   try {
-    summary.accuracy =
-        summarize_accuracy(estimate, *truth, read_covariances(folder / kCovarianceFile));
-    const auto pairs = associate(estimate, *truth, AssociationOptions());
-    summary.distance_m = path_length_m(pairs);
+    timings = timings_in(folder);
+  } catch (const std::exception& error) {
+    spdlog::warn("{}: {}", drone.name, error.what());
+  }
+  AgentSummary summary;
+  try {
+    summary = own_summary(folder, timings);
+  } catch (const std::exception& error) {
+    summary = from_timings(timings);
+    summary.incomplete = error.what();
+  }
+  summary.stage_ms = summarize_stages(timings);
+  try {
+    evaluate(drone, folder, summary);
   } catch (const std::exception& error) {
     spdlog::warn("{} cannot be evaluated: {}", drone.name, error.what());
   }
-}
-
-AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
-                             const std::optional<std::string>& ended_early) {
-  const fs::path file = folder / kAgentSummaryFile;
-  if (ended_early) drop_incomplete_lines(folder);
-  std::vector<TimingRecord> timings;
-  if (fs::exists(folder / kTimingsFile) && fs::file_size(folder / kTimingsFile) > 0) {
-    timings = read_timings(folder / kTimingsFile);
-  }
-  AgentSummary summary = fs::exists(file)
-                             ? agent_summary_from_json(read_json_file(file), file.string())
-                             : from_timings(timings);
-  summary.stage_ms = summarize_stages(timings);
-  evaluate(drone, folder, summary);
   if (ended_early) summary.incomplete = ended_early;  // else what the drone itself says
   return summary;
 }
@@ -216,6 +235,8 @@ std::string table_line(const std::string& name, const AgentSummary& agent,
   }
   if (agent.incomplete) line += "  " + *agent.incomplete;
   if (agent.not_started) line += "  did not start: " + *agent.not_started;
+  for (const auto& [file, lines] : agent.lost_lines)
+    line += fmt::format("  {} lines of {} lost", lines, file);
   return line + "\n";
 }
 

@@ -49,7 +49,7 @@ void ThermalTruthWriter::write(TimeNs stamp_ns, const ThermalTruth& truth) {
   csv_.write_line(std::to_string(stamp_ns) + numbers + field);
 }
 
-void ThermalTruthWriter::close() { csv_.close(); }
+void ThermalTruthWriter::close() { csv_.require_whole(); }
 
 std::optional<std::vector<ThermalTruthRecord>> read_thermal_truth(const fs::path& mav0) {
   const fs::path folder = mav0 / kThermalTruthFolder;

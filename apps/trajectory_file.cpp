@@ -96,7 +96,7 @@ std::string covariance_line(const StampedCovariance& sample) {
 void write_tum(const std::filesystem::path& file, const StampedPoses& trajectory) {
   LineWriter writer(file, kTumHeader);
   for (const StampedPose& pose : trajectory) writer.write_line(tum_line(pose));
-  writer.close();
+  writer.require_whole();
 }
 
 }  // namespace covey

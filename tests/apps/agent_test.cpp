@@ -9,11 +9,13 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "apps/earlier_flight.h"
 #include "apps/free_domain.h"
 #include "apps/trajectory_file.h"
 #include "tests/apps/covey_process.h"
+#include "tests/apps/full_disk.h"
 #include "tests/apps/temporary_folder.h"
 
 namespace covey {
@@ -213,6 +215,32 @@ TEST(Agent, AStatusThatCannotBeWrittenEndsNoFlight) {
   const std::size_t first = covey.output().find(words);
   ASSERT_NE(first, std::string::npos) << covey.output();
   EXPECT_EQ(covey.output().find(words, first + 1), std::string::npos) << "one line is enough";
+}
+
+TEST(Agent, AFullDiskEndsNoFlightAndIsToldInItsSummary) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "uav0";
+  const fs::path config = folder.write("agent.json", R"({"agent": {"mode": "solo"}})");
+  // Wide enough for the summary, too small for the covariances of three seconds.
+  std::optional<FullDisk> full(std::in_place, 6000);
+  CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
+                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out", out.string()});
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  full.reset();
+  EXPECT_THAT(covey.output(), HasSubstr("trajectory_covariance.csv: cannot be written"));
+  const AgentSummary summary =
+      agent_summary_from_json(json::parse(file_content(out / kAgentSummaryFile)), "summary");
+  EXPECT_EQ(summary.frames, COVEY_TEST_FLIGHT_FRAMES);
+  const auto poses = static_cast<std::int64_t>(read_covariances(out / kCovarianceFile).size());
+  EXPECT_GT(poses, 0);
+  ASSERT_EQ(summary.lost_lines.count(kCovarianceFile), 1u);
+  EXPECT_GT(summary.lost_lines.at(kCovarianceFile), 0);
+
+  CoveyProcess report({"report", folder.path().string(), "--dataset", COVEY_TEST_FLIGHT});
+  EXPECT_EQ(report.finish(), 0) << report.output();
+  EXPECT_THAT(report.output(), HasSubstr("lines of trajectory_covariance.csv lost"));
+  EXPECT_THAT(file_content(folder.path() / "report.html"),
+              HasSubstr("lines of trajectory_covariance.csv are missing"));
 }
 
 TEST(Agent, PrintsASettingForEveryKeyAndReadsThemBack) {

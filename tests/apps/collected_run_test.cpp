@@ -171,8 +171,29 @@ TEST_F(CollectedFlight, ADroneThatHasGoneSilentIsNotHealthy) {
 TEST_F(CollectedFlight, ASummaryThatLacksAKeyIsNamedWithIt) {
   (void)folder_.write("run/uav0/agent_summary.json", to_json(AgentSummary()).dump());
   CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT});
-  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
   EXPECT_THAT(covey.output(), AllOf(HasSubstr("uav0/agent_summary.json"), HasSubstr("own_world")));
+}
+
+TEST_F(CollectedFlight, WhatOneDroneHasLeftBrokenCostsTheOtherNoFigures) {
+  StampedPoses truth = to_trajectory(
+      read_ground_truth(ground_truth_file(fs::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0")));
+  fs::create_directories(run() / "uav0");
+  write_tum(run() / "uav0" / kTrajectoryFile, truth);
+  (void)folder_.write("run/uav0/trajectory_covariance.csv", "");
+  (void)folder_.write("run/uav1/timings.csv", "stamp_ns,read_ms\n1,2\n");
+  (void)folder_.write("run/uav1/trajectory.tum", "1.0 0 0\n");
+  (void)folder_.write("run/uav1/agent_summary.json", "{\"frames\": 3");
+  CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT});
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_THAT(covey.output(), AllOf(HasSubstr("uav1/timings.csv:1: column 'thermal_ms'"),
+                                    HasSubstr("uav1 cannot be evaluated"),
+                                    HasSubstr("uav1/agent_summary.json: not valid JSON")));
+  const RunSummary summary = read_run_summary(run() / "summary.json");
+  EXPECT_TRUE(summary.agents.at("uav0").accuracy);
+  EXPECT_FALSE(summary.agents.at("uav1").accuracy);
+  EXPECT_TRUE(summary.agents.at("uav1").incomplete);
+  EXPECT_TRUE(fs::exists(run() / "report.html"));
 }
 
 TEST_F(CollectedFlight, WithoutAnyDroneThereIsNothingToReport) {

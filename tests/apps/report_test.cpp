@@ -49,7 +49,6 @@ void write_flight(const fs::path& folder, double offset_m) {
     odometry.pose_covariance = 0.01 * Matrix6d::Identity();
     writer.write(odometry);
   }
-  writer.close();
 }
 
 void write_truth(const fs::path& folder) {
@@ -74,8 +73,6 @@ void write_records(const fs::path& folder) {
     record.payload_bytes_sent = 2056 * record.requests_sent;
     link.write(record);
   }
-  timings.close();
-  link.close();
 }
 
 class Report : public testing::Test {
@@ -190,7 +187,6 @@ TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
     const TimeNs chain_ns = stamp_of(i < 40 ? 0 : 40);
     writer.write({stamp_of(i), chain_ns, {1 + 0.01 * (i % 40), 3.0 - i}});
   }
-  writer.close();
   cv::Mat field(64, 80, CV_32FC1, cv::Scalar(-0.5));
   field(cv::Rect(0, 0, 40, 64)) = 2;
   write_field(run() / "uav1", field);

@@ -117,7 +117,6 @@ TEST_F(TrajectoryFile, OdometryIsWrittenAsTrajectoryAndCovariance) {
   odometry.pose_covariance.diagonal() << 1, 2, 3, 4, 5, 6;
   OdometryWriter writer(folder_.path());
   writer.write(odometry);
-  writer.close();
   const StampedPoses trajectory = read_trajectory(folder_.path() / kTrajectoryFile);
   const auto covariances = read_covariances(folder_.path() / kCovarianceFile);
   ASSERT_EQ(trajectory.size(), 1u);
@@ -135,14 +134,12 @@ TEST_F(TrajectoryFile, TimingsAndLinkAreReadBack) {
   timing.slam_gated = 3;
   TimingWriter timing_writer(folder_.path());
   timing_writer.write(timing);
-  timing_writer.close();
   LinkRecord link;
   link.stamp_ns = 1403636579763555527;
   link.requests_sent = 4;
   link.payload_bytes_sent = 5000000000;
   LinkWriter link_writer(folder_.path());
   link_writer.write(link);
-  link_writer.close();
 
   const auto timings = read_timings(folder_.path() / kTimingsFile);
   ASSERT_EQ(timings.size(), 1u);
@@ -161,7 +158,6 @@ TEST_F(TrajectoryFile, QuestionsAndAnswersComeBackAsTheyWereWritten) {
   ExchangeWriter writer(folder_.path());
   writer.write({1234.5678, ExchangeEvent::kAsked, kEveryPeer, 7});
   writer.write({1300, ExchangeEvent::kRejected, "uav2", 18446744073});
-  writer.close();
   const auto file = folder_.path() / kExchangeFile;
   const auto records = read_exchange(file);
   ASSERT_EQ(records.size(), 2u);
