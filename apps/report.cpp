@@ -33,7 +33,7 @@ std::string title_block(const RunData& data) {
   if (run.exchange) html += chip(*run.exchange + " exchange");
   html += chip(run.init == "groundtruth" ? "started from ground truth" : run.init + " start");
   html += chip(std::to_string(drones) + (drones == 1 ? " drone" : " drones"));
-  if (data.end_ns > data.start_ns) {
+  if (data.end_ns > data.start_ns && !data.apart) {
     html += chip(decimal(seconds_between(data.start_ns, data.end_ns), "%.1f s"));
   }
   if (run.real_time_factor) html += chip(decimal(*run.real_time_factor, "%.2f\u00d7 real time"));
@@ -133,7 +133,7 @@ std::string calibrations(const RunData& data) {
     const AgentRun& agent = data.agents[i];
     if (agent.thermal.empty()) continue;
     rows += "<h3>" + drone_label(data, i) + "</h3>\n<div class=\"charts three\">\n" +
-            figures(thermal_charts(data, agent));
+            figures(thermal_charts(agent));
     if (!agent.field.empty()) rows += "<figure>" + render_svg(field_map(agent)) + "</figure>\n";
     rows += "</div>\n";
   }
@@ -164,14 +164,10 @@ std::string sections(const RunData& data) {
          section("What the filters believe",
                  std::string("Error ") + (own_worlds ? "in the own world" : "in the shared world") +
                      ", not aligned, and three standard deviations either side.",
-                 rows_of_charts(
-                     data, "four", {consistency_legend()},
-                     [&](const AgentRun& agent) { return consistency_charts(data, agent); })) +
-         section("Work", "Time per image is CPU time, averaged over short stretches.",
-                 work_table(data) + rows_of_charts(data, "three", work_legends(data),
-                                                   [&](const AgentRun& agent) {
-                                                     return work_charts(data, agent);
-                                                   })) +
+                 rows_of_charts(data, "four", {consistency_legend()}, consistency_charts)) +
+         section(
+             "Work", "Time per image is CPU time, averaged over short stretches.",
+             work_table(data) + rows_of_charts(data, "three", work_legends(data), work_charts)) +
          section("What each camera turned out to be",
                  "Found in flight minus what was believed at its start (sensor.yaml), \u00b1 one "
                  "standard deviation. Rotation about the camera's axes; lever arm along the IMU's. "
@@ -187,9 +183,7 @@ std::string sections(const RunData& data) {
                  "where it was counted. Clocks: a peer's wall clock minus the drone's own, sure to "
                  "half the round trip.",
                  link_table(data) + clock_table(data) +
-                     rows_of_charts(data, "three", link_legends(), [&](const AgentRun& agent) {
-                       return link_charts(data, agent);
-                     }));
+                     rows_of_charts(data, "three", link_legends(), link_charts));
 }
 
 std::string page(const RunData& data) {

@@ -15,9 +15,10 @@ namespace {
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 constexpr std::size_t kDroneColors = 6;
-constexpr int kBins = 120;         // of the stacked stage times, over the whole run
-constexpr double kRateBinS = 1.0;  // s over which bytes per second are taken
-constexpr double kBandRoom = 3;    // a band may stretch an axis to this many times the error
+constexpr int kBins = 120;             // of the stacked stage times, over the whole run
+constexpr double kRateBinS = 1.0;      // s over which bytes per second are taken
+constexpr double kMostRateBins = 1e4;  // of hours; one stamp that is years off makes them wider
+constexpr double kBandRoom = 3;        // a band may stretch an axis to this many times the error
 constexpr char kStageTitle[] = "time per image";
 constexpr char kFeatureTitle[] = "features";
 constexpr char kUpdateTitle[] = "features in updates";
@@ -25,20 +26,20 @@ constexpr char kMessageTitle[] = "messages so far";
 constexpr char kOutcomeTitle[] = "what became of those received";
 constexpr char kAxisName[] = {'x', 'y', 'z'};
 
-double seconds(const RunData& data, TimeNs stamp_ns) {
-  return seconds_between(data.start_ns, stamp_ns);
+double seconds(const AgentRun& agent, TimeNs stamp_ns) {
+  return seconds_between(agent.start_ns, stamp_ns);
 }
 
 // `columns`: how many stand side by side; letters come out equally large.
-Chart time_chart(const RunData& data, int columns, const std::string& title,
+Chart time_chart(const AgentRun& agent, int columns, const std::string& title,
                  const std::string& unit) {
   Chart chart;
   chart.width_px = columns == 4 ? 285 : 380;
   chart.height_px = columns == 4 ? 180 : 200;
   chart.title = title;
-  chart.x_label = "time, s";
+  chart.x_label = agent.time_of_its_own ? "time since its own start, s" : "time, s";
   chart.y_label = unit;
-  chart.x_range = AxisRange{0, std::max(1e-3, seconds(data, data.end_ns))};
+  chart.x_range = AxisRange{0, std::max(1e-3, seconds(agent, agent.end_ns))};
   return chart;
 }
 
@@ -86,12 +87,12 @@ Chart projection(const RunData& data, const std::string& title, int axis_x, int 
   return chart;
 }
 
-Curve distance_curve(const RunData& data, const std::vector<PosePair>& pairs) {
+Curve distance_curve(const AgentRun& agent, const std::vector<PosePair>& pairs) {
   Curve curve;
   const Similarity similarity = align(pairs, Alignment::kPosYaw);
   for (const PosePair& pair : pairs) {
     const Pose aligned = transform(similarity, pair.estimate);
-    curve.points.emplace_back(seconds(data, pair.stamp_ns),
+    curve.points.emplace_back(seconds(agent, pair.stamp_ns),
                               (pair.truth.p_world_imu - aligned.p_world_imu).norm());
   }
   return curve;
@@ -145,8 +146,8 @@ AxisRange error_range(const Curve& error, const Band& three_sigma) {
   return {-reach, reach};
 }
 
-Chart channel_chart(const RunData& data, const AgentRun& agent, const ErrorChannel& channel) {
-  Chart chart = time_chart(data, 4, channel.title, channel.unit);
+Chart channel_chart(const AgentRun& agent, const ErrorChannel& channel) {
+  Chart chart = time_chart(agent, 4, channel.title, channel.unit);
   Curve error;
   error.label = agent.name + ", " + channel.title;
   error.color = "ink";
@@ -157,7 +158,7 @@ Chart channel_chart(const RunData& data, const AgentRun& agent, const ErrorChann
   band.opacity = 0.35;
   auto sample = agent.covariances.begin();
   for (const PosePair& pair : agent.pairs) {
-    const double t = seconds(data, pair.stamp_ns);
+    const double t = seconds(agent, pair.stamp_ns);
     error.points.emplace_back(t, channel.error(pair));
     while (sample != agent.covariances.end() && sample->stamp_ns < pair.stamp_ns) ++sample;
     if (sample == agent.covariances.end() || sample->stamp_ns != pair.stamp_ns) continue;
@@ -195,15 +196,15 @@ bool stage_ran(const AgentRun& agent, const StageStyle& stage) {
 }
 
 // Means over equal stretches of time, stacked.
-Chart stage_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, kStageTitle, "ms");
+Chart stage_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, kStageTitle, "ms");
   chart.y_from_zero = true;
   const double bin_s = chart.x_range->high / kBins;
   std::vector<std::array<double, kStages.size()>> sums(kBins);
   std::vector<int> counts(kBins, 0);
   for (const TimingRecord& record : agent.timings) {
     const int bin =
-        std::clamp(static_cast<int>(seconds(data, record.stamp_ns) / bin_s), 0, kBins - 1);
+        std::clamp(static_cast<int>(seconds(agent, record.stamp_ns) / bin_s), 0, kBins - 1);
     ++counts[static_cast<std::size_t>(bin)];
     for (std::size_t s = 0; s < kStages.size(); ++s) {
       sums[static_cast<std::size_t>(bin)][s] += record.*kStages[s].ms;
@@ -229,80 +230,83 @@ Chart stage_chart(const RunData& data, const AgentRun& agent) {
 
 // `count`: of a record, a member or a function of it.
 template <typename Record, typename Count>
-Curve curve_of(const RunData& data, const std::vector<Record>& records, const Count& count,
+Curve curve_of(const AgentRun& agent, const std::vector<Record>& records, const Count& count,
                const std::string& label, const std::string& color) {
   Curve curve;
   curve.label = label;
   curve.color = color;
   for (const Record& record : records) {
-    curve.points.emplace_back(seconds(data, record.stamp_ns),
+    curve.points.emplace_back(seconds(agent, record.stamp_ns),
                               static_cast<double>(std::invoke(count, record)));
   }
   return curve;
 }
 
-Chart feature_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, kFeatureTitle, "number");
+Chart feature_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, kFeatureTitle, "number");
   chart.y_from_zero = true;
   chart.curves = {
-      curve_of(data, agent.timings, &TimingRecord::tracks, "tracks", "series-a"),
-      curve_of(data, agent.timings, &TimingRecord::slam_features, "SLAM features", "series-b"),
-      curve_of(data, agent.timings, &TimingRecord::clones, "poses in the window", "series-c")};
+      curve_of(agent, agent.timings, &TimingRecord::tracks, "tracks", "series-a"),
+      curve_of(agent, agent.timings, &TimingRecord::slam_features, "SLAM features", "series-b"),
+      curve_of(agent, agent.timings, &TimingRecord::clones, "poses in the window", "series-c")};
   return chart;
 }
 
-Chart update_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, kUpdateTitle, "number");
+Chart update_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, kUpdateTitle, "number");
   chart.y_from_zero = true;
   const auto used = [](const TimingRecord& record) { return record.msckf_used + record.slam_used; };
   const auto gated = [](const TimingRecord& record) {
     return record.msckf_gated + record.slam_gated;
   };
-  chart.curves = {curve_of(data, agent.timings, used, "used", "series-a"),
-                  curve_of(data, agent.timings, gated, "gated", "series-d")};
+  chart.curves = {curve_of(agent, agent.timings, used, "used", "series-a"),
+                  curve_of(agent, agent.timings, gated, "gated", "series-d")};
   return chart;
 }
 
-Chart message_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, kMessageTitle, "number");
+Chart message_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, kMessageTitle, "number");
   chart.y_from_zero = true;
   chart.curves = {
-      curve_of(data, agent.link, &LinkRecord::requests_received, "requests received", "series-b"),
-      curve_of(data, agent.link, &LinkRecord::requests_sent, "requests sent", "series-a"),
-      curve_of(data, agent.link, &LinkRecord::messages_received, "messages received", "series-b"),
-      curve_of(data, agent.link, &LinkRecord::messages_sent, "messages sent", "series-a")};
+      curve_of(agent, agent.link, &LinkRecord::requests_received, "requests received", "series-b"),
+      curve_of(agent, agent.link, &LinkRecord::requests_sent, "requests sent", "series-a"),
+      curve_of(agent, agent.link, &LinkRecord::messages_received, "messages received", "series-b"),
+      curve_of(agent, agent.link, &LinkRecord::messages_sent, "messages sent", "series-a")};
   chart.curves[0].dashed = chart.curves[1].dashed = true;
   return chart;
 }
 
-Chart outcome_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, kOutcomeTitle, "number");
+Chart outcome_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, kOutcomeTitle, "number");
   chart.y_from_zero = true;
-  chart.curves = {curve_of(data, agent.link, &LinkRecord::fused, "fused", "series-c"),
-                  curve_of(data, agent.link, &LinkRecord::gated, "gated", "series-d"),
-                  curve_of(data, agent.link, &LinkRecord::rejected, "rejected", "series-e")};
+  chart.curves = {curve_of(agent, agent.link, &LinkRecord::fused, "fused", "series-c"),
+                  curve_of(agent, agent.link, &LinkRecord::gated, "gated", "series-d"),
+                  curve_of(agent, agent.link, &LinkRecord::rejected, "rejected", "series-e")};
   return chart;
 }
 
 // Differences of the running total over whole bins, drawn as steps.
-Chart rate_chart(const RunData& data, const AgentRun& agent) {
-  Chart chart = time_chart(data, 3, "payload sent", "kB/s");
+Chart rate_chart(const AgentRun& agent) {
+  Chart chart = time_chart(agent, 3, "payload sent", "kB/s");
   chart.y_from_zero = true;
   Curve curve;
   curve.label = "payload sent";
   curve.color = "series-a";
-  const auto bins = static_cast<std::size_t>(std::ceil(chart.x_range->high / kRateBinS));
+  const double span_s = chart.x_range->high;
+  const double bin_s = std::max(kRateBinS, span_s / kMostRateBins);
+  const auto bins =
+      static_cast<std::size_t>(std::min(std::ceil(span_s / kRateBinS), kMostRateBins));
   std::vector<double> bytes(bins, 0);
   std::int64_t before = 0;
   for (const LinkRecord& record : agent.link) {
-    const double bin = std::max(0.0, seconds(data, record.stamp_ns) / kRateBinS);
+    const double bin = std::max(0.0, seconds(agent, record.stamp_ns) / bin_s);
     bytes[std::min(static_cast<std::size_t>(bin), bins - 1)] +=
         static_cast<double>(record.payload_bytes_sent - before);
     before = record.payload_bytes_sent;
   }
   for (std::size_t bin = 0; bin < bins; ++bin) {
-    const double start_s = static_cast<double>(bin) * kRateBinS;
-    const double end_s = std::min(start_s + kRateBinS, chart.x_range->high);
+    const double start_s = static_cast<double>(bin) * bin_s;
+    const double end_s = std::min(start_s + bin_s, span_s);
     const double rate = bytes[bin] / (end_s - start_s) / 1e3;
     curve.points.emplace_back(start_s, rate);
     curve.points.emplace_back(end_s, rate);
@@ -364,13 +368,13 @@ std::vector<Chart> distance_charts(const RunData& data) {
   for (std::size_t i = 0; i < data.agents.size(); ++i) {
     const AgentRun& agent = data.agents[i];
     if (agent.pairs.empty()) continue;
-    Chart chart = time_chart(data, distance_columns(data), agent.name, "m");
-    Curve alone = distance_curve(data, agent.alone_pairs);
+    Chart chart = time_chart(agent, distance_columns(data), agent.name, "m");
+    Curve alone = distance_curve(agent, agent.alone_pairs);
     alone.label = agent.name + ", alone";
     alone.color = drone_color(i);
     alone.dashed = true;
     alone.width_px = 1.2;
-    Curve estimate = distance_curve(data, agent.pairs);
+    Curve estimate = distance_curve(agent, agent.pairs);
     estimate.label = agent.name;
     estimate.color = drone_color(i);
     chart.curves = {std::move(alone), std::move(estimate)};
@@ -381,11 +385,11 @@ std::vector<Chart> distance_charts(const RunData& data) {
   return charts;
 }
 
-std::vector<Chart> consistency_charts(const RunData& data, const AgentRun& agent) {
+std::vector<Chart> consistency_charts(const AgentRun& agent) {
   std::vector<Chart> charts;
   if (agent.pairs.empty()) return charts;
   for (const ErrorChannel& channel : channels()) {
-    charts.push_back(channel_chart(data, agent, channel));
+    charts.push_back(channel_chart(agent, channel));
   }
   return charts;
 }
@@ -395,9 +399,9 @@ Legend consistency_legend() {
   return {"", {{"estimate minus truth", "ink", Shape::kLine}, {"3 sigma", "sigma", Shape::kArea}}};
 }
 
-std::vector<Chart> work_charts(const RunData& data, const AgentRun& agent) {
+std::vector<Chart> work_charts(const AgentRun& agent) {
   if (agent.timings.empty()) return {};
-  return {stage_chart(data, agent), feature_chart(data, agent), update_chart(data, agent)};
+  return {stage_chart(agent), feature_chart(agent), update_chart(agent)};
 }
 
 std::vector<Legend> work_legends(const RunData& data) {
@@ -429,14 +433,14 @@ void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, 
   }
 }
 
-std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent) {
+std::vector<Chart> thermal_charts(const AgentRun& agent) {
   if (agent.thermal.empty()) return {};
   Curve curve;
   curve.color = "series-a";
-  Chart gain = time_chart(data, 3, "gain", "of the chain's first image");
-  add_chains(agent.thermal, data.start_ns, curve, &GainOffset::gain, gain);
-  Chart offset = time_chart(data, 3, "offset", "grey levels of that image");
-  add_chains(agent.thermal, data.start_ns, curve, &GainOffset::offset, offset);
+  Chart gain = time_chart(agent, 3, "gain", "of the chain's first image");
+  add_chains(agent.thermal, agent.start_ns, curve, &GainOffset::gain, gain);
+  Chart offset = time_chart(agent, 3, "offset", "grey levels of that image");
+  add_chains(agent.thermal, agent.start_ns, curve, &GainOffset::offset, offset);
   return {std::move(gain), std::move(offset)};
 }
 
@@ -456,9 +460,9 @@ HeatMap field_map(const AgentRun& agent) {
   return map;
 }
 
-std::vector<Chart> link_charts(const RunData& data, const AgentRun& agent) {
+std::vector<Chart> link_charts(const AgentRun& agent) {
   if (agent.link.empty()) return {};
-  return {message_chart(data, agent), outcome_chart(data, agent), rate_chart(data, agent)};
+  return {message_chart(agent), outcome_chart(agent), rate_chart(agent)};
 }
 
 std::vector<Legend> link_legends() {

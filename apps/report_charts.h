@@ -38,10 +38,10 @@ struct Legend {
 [[nodiscard]] Legend distance_legend(const RunData& data);  // empty when nobody flew alone
 
 // Error along each axis and in yaw with what the filter believes, 3 sigma.
-[[nodiscard]] std::vector<Chart> consistency_charts(const RunData& data, const AgentRun& agent);
+[[nodiscard]] std::vector<Chart> consistency_charts(const AgentRun& agent);
 [[nodiscard]] Legend consistency_legend();
 
-[[nodiscard]] std::vector<Chart> work_charts(const RunData& data, const AgentRun& agent);
+[[nodiscard]] std::vector<Chart> work_charts(const AgentRun& agent);
 [[nodiscard]] std::vector<Legend> work_legends(const RunData& data);
 
 // Adds a curve for each chain: after a shutter event nothing leads on from what was before.
@@ -49,10 +49,10 @@ void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, 
                 double GainOffset::*value, Chart& chart);
 
 // Of calibrated thermal cameras.
-[[nodiscard]] std::vector<Chart> thermal_charts(const RunData& data, const AgentRun& agent);
+[[nodiscard]] std::vector<Chart> thermal_charts(const AgentRun& agent);
 [[nodiscard]] HeatMap field_map(const AgentRun& agent);
 
-[[nodiscard]] std::vector<Chart> link_charts(const RunData& data, const AgentRun& agent);
+[[nodiscard]] std::vector<Chart> link_charts(const AgentRun& agent);
 [[nodiscard]] std::vector<Legend> link_legends();
 
 }  // namespace covey

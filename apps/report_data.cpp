@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include "apps/agent.h"
 
@@ -109,7 +112,8 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   return agent;
 }
 
-void set_span(RunData& data) {
+// Of its images; nothing if there are none.
+std::optional<std::pair<TimeNs, TimeNs>> span_of(const AgentRun& agent) {
   TimeNs first_ns = std::numeric_limits<TimeNs>::max();
   TimeNs last_ns = 0;
   const auto add = [&](const auto& records) {
@@ -117,13 +121,40 @@ void set_span(RunData& data) {
     first_ns = std::min(first_ns, records.front().stamp_ns);
     last_ns = std::max(last_ns, records.back().stamp_ns);
   };
-  for (const AgentRun& agent : data.agents) {
-    add(agent.timings);
-    add(agent.estimate);
+  add(agent.timings);
+  add(agent.estimate);
+  if (first_ns > last_ns) return std::nullopt;
+  return std::pair(first_ns, last_ns);
+}
+
+void set_span(RunData& data) {
+  TimeNs first_ns = std::numeric_limits<TimeNs>::max();
+  TimeNs last_ns = 0;
+  double flown_s = 0;
+  for (AgentRun& agent : data.agents) {
+    const auto span = span_of(agent);
+    if (!span) continue;
+    std::tie(agent.start_ns, agent.end_ns) = *span;
+    first_ns = std::min(first_ns, agent.start_ns);
+    last_ns = std::max(last_ns, agent.end_ns);
+    flown_s += seconds_between(agent.start_ns, agent.end_ns);
   }
   if (first_ns > last_ns) return;
   data.start_ns = first_ns;
   data.end_ns = last_ns;
+  data.apart = seconds_between(first_ns, last_ns) > 2 * flown_s;
+}
+
+// One for all drones, unless nobody flies in more than half of it.
+void set_time_axes(RunData& data) {
+  for (AgentRun& agent : data.agents) {
+    agent.time_of_its_own = data.apart;
+    if (!data.apart) std::tie(agent.start_ns, agent.end_ns) = std::tie(data.start_ns, data.end_ns);
+  }
+  if (!data.apart) return;
+  data.notes.emplace_back(
+      "the drones flew at times far apart, so each one's time begins with its own flight: are "
+      "their recordings of one clock?");
 }
 
 // A recorded ground truth may be longer than the flight.
@@ -131,7 +162,7 @@ void cut_truth(RunData& data) {
   for (AgentRun& agent : data.agents) {
     StampedPoses during;
     for (const StampedPose& pose : agent.truth) {
-      if (pose.stamp_ns >= data.start_ns && pose.stamp_ns <= data.end_ns) during.push_back(pose);
+      if (pose.stamp_ns >= agent.start_ns && pose.stamp_ns <= agent.end_ns) during.push_back(pose);
     }
     agent.truth = std::move(during);
   }
@@ -147,6 +178,7 @@ RunData read_run(const fs::path& run) {
     data.agents.push_back(read_agent(run, name, summary, read));
   }
   set_span(data);
+  set_time_axes(data);
   cut_truth(data);
   return data;
 }

@@ -33,13 +33,17 @@ struct AgentRun {
   std::vector<PosePair> alone_pairs;
   std::optional<AccuracySummary> accuracy;
   std::optional<AccuracySummary> alone_accuracy;
+  // Of its time axes: from the first image of any drone to the last, or of its own flight.
+  TimeNs start_ns = 0, end_ns = 0;
+  bool time_of_its_own = false;
 };
 
 struct RunData {
   RunSummary summary;
   std::vector<AgentRun> agents;  // in the order of the summary
-  TimeNs start_ns = 0;           // the first image of any drone: zero of every time axis
+  TimeNs start_ns = 0;           // the first image of any drone
   TimeNs end_ns = 0;
+  bool apart = false;  // the drones flew at times so far apart that none would be seen on one axis
   std::vector<std::string> notes;
 };
 

@@ -188,17 +188,17 @@ std::string error_means(const RunData& data) {
   return html + "</tr>";
 }
 
-Value duration_s(const RunData& data) {
-  if (data.end_ns <= data.start_ns) return std::nullopt;
-  return seconds_between(data.start_ns, data.end_ns);
+Value duration_s(const AgentRun& agent) {
+  if (agent.end_ns <= agent.start_ns) return std::nullopt;
+  return seconds_between(agent.start_ns, agent.end_ns);
 }
 
 std::int64_t payload_bytes(const LinkSummary& link) {
   return link.request.payload_bytes_sent + link.message.payload_bytes_sent;
 }
 
-Value payload_rate_kb(const RunData& data, const AgentRun& agent) {
-  const Value seconds = duration_s(data);
+Value payload_rate_kb(const AgentRun& agent) {
+  const Value seconds = duration_s(agent);
   if (!seconds || !agent.summary.link) return std::nullopt;
   return static_cast<double>(payload_bytes(*agent.summary.link)) / *seconds / 1e3;
 }
@@ -313,9 +313,7 @@ std::string tiles(const RunData& data) {
       tile("mean rotation error",
            mean(data, of_accuracy([](const AccuracySummary& a) { return a.rotation_none_deg; })), 2,
            "\u00b0") +
-      tile("payload sent per drone",
-           mean(data, [&](const AgentRun& agent) { return payload_rate_kb(data, agent); }), 1,
-           "kB/s") +
+      tile("payload sent per drone", mean(data, payload_rate_kb), 1, "kB/s") +
       tile("CPU per image",
            mean(data, [](const AgentRun& agent) { return agent.summary.cpu_ms_per_frame; }), 1,
            "ms");
@@ -365,24 +363,23 @@ std::string link_table(const RunData& data) {
   });
   if (!any) return "";
   return table(
-      data,
-      {count_column("requests<br>sent", [](const LinkSummary& l) { return l.request.sent; }),
-       count_column("requests<br>received",
-                    [](const LinkSummary& l) { return l.request.received; }),
-       count_column("messages<br>sent", [](const LinkSummary& l) { return l.message.sent; }),
-       count_column("messages<br>received",
-                    [](const LinkSummary& l) { return l.message.received; }),
-       count_column("fused", [](const LinkSummary& l) { return l.message.fused; }),
-       count_column("gated", [](const LinkSummary& l) { return l.message.gated; }),
-       count_column("rejected", [](const LinkSummary& l) { return l.message.rejected; }),
-       {"payload<br>sent kB",
-        of_link([](const LinkSummary& l) { return kilobytes(payload_bytes(l)); }), 1},
-       {"payload<br>kB/s", [&](const AgentRun& agent) { return payload_rate_kb(data, agent); }, 2},
-       {"wire sent<br>kB",
-        of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_sent); }), 1},
-       {"wire received<br>kB",
-        of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_received); }), 1},
-       count_column("link<br>restarted", restart_count)});
+      data, {count_column("requests<br>sent", [](const LinkSummary& l) { return l.request.sent; }),
+             count_column("requests<br>received",
+                          [](const LinkSummary& l) { return l.request.received; }),
+             count_column("messages<br>sent", [](const LinkSummary& l) { return l.message.sent; }),
+             count_column("messages<br>received",
+                          [](const LinkSummary& l) { return l.message.received; }),
+             count_column("fused", [](const LinkSummary& l) { return l.message.fused; }),
+             count_column("gated", [](const LinkSummary& l) { return l.message.gated; }),
+             count_column("rejected", [](const LinkSummary& l) { return l.message.rejected; }),
+             {"payload<br>sent kB",
+              of_link([](const LinkSummary& l) { return kilobytes(payload_bytes(l)); }), 1},
+             {"payload<br>kB/s", payload_rate_kb, 2},
+             {"wire sent<br>kB",
+              of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_sent); }), 1},
+             {"wire received<br>kB",
+              of_link([](const LinkSummary& l) { return kilobytes(l.wire_bytes_received); }), 1},
+             count_column("link<br>restarted", restart_count)});
 }
 
 std::string camera_table(const RunData& data) {

@@ -36,39 +36,42 @@ Pose pose_at(int image, double offset_m) {
           Eigen::Quaterniond(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()))};
 }
 
-TimeNs stamp_of(int image) { return 1403636579763555527 + image * TimeNs{33333333}; }
+constexpr TimeNs kStart_ns = 1403636579763555527;
+TimeNs stamp_of(int image, TimeNs start_ns = kStart_ns) {
+  return start_ns + image * TimeNs{33333333};
+}
 
 // The error of the estimate is a wave of this height.
-void write_flight(const fs::path& folder, double offset_m) {
+void write_flight(const fs::path& folder, double offset_m, TimeNs start_ns = kStart_ns) {
   fs::create_directories(folder);
   OdometryWriter writer(folder);
   for (int i = 10; i < kImages; ++i) {
     Odometry odometry;
-    odometry.stamp_ns = stamp_of(i);
+    odometry.stamp_ns = stamp_of(i, start_ns);
     odometry.pose = pose_at(i, offset_m);
     odometry.pose_covariance = 0.01 * Matrix6d::Identity();
     writer.write(odometry);
   }
 }
 
-void write_truth(const fs::path& folder) {
+void write_truth(const fs::path& folder, TimeNs start_ns = kStart_ns) {
   StampedPoses truth;
-  for (int i = 0; i < kImages; ++i) truth.push_back({stamp_of(i), pose_at(i, 0)});
+  for (int i = 0; i < kImages; ++i) truth.push_back({stamp_of(i, start_ns), pose_at(i, 0)});
   write_tum(folder / kGroundTruthFile, truth);
 }
 
-void write_records(const fs::path& folder) {
+void write_records(const fs::path& folder, TimeNs start_ns = kStart_ns) {
   TimingWriter timings(folder);
   LinkWriter link(folder);
   for (int i = 0; i < kImages; ++i) {
     TimingRecord timing;
-    timing.stamp_ns = stamp_of(i);
+    timing.stamp_ns = stamp_of(i, start_ns);
     timing.track_ms = 3 + std::sin(i);
     timing.slam_ms = 1;
     timing.tracks = 180 + i % 7;
     timings.write(timing);
     LinkRecord record;
-    record.stamp_ns = stamp_of(i);
+    record.stamp_ns = stamp_of(i, start_ns);
     record.requests_sent = i / 15;
     record.payload_bytes_sent = 2056 * record.requests_sent;
     link.write(record);
@@ -331,6 +334,36 @@ TEST_F(Report, SaysWhenTruthAndEstimateDoNotOverlap) {
   for (int i = 0; i < 9; ++i) other.push_back({TimeNs{1000000000} * (i + 1), {}});
   write_tum(run() / "uav0" / kGroundTruthFile, other);
   EXPECT_THAT(drawn(), HasSubstr("<li>uav0: only 0 poses match in time"));
+}
+
+TEST_F(Report, DrawsDronesOfClocksThatAreYearsApartEachOverItsOwnTime) {
+  EXPECT_THAT(drawn(), AllOf(HasSubstr(">time, s<"), Not(HasSubstr("its own start"))));
+  constexpr TimeNs kSinceBoot_ns = 1000'000'000'000;
+  fs::remove_all(run() / kSoloFolder / "uav1");
+  write_flight(run() / "uav1", 0.1, kSinceBoot_ns);
+  write_truth(run() / "uav1", kSinceBoot_ns);
+  write_records(run() / "uav1", kSinceBoot_ns);
+  const std::string html = drawn();
+  EXPECT_THAT(html, AllOf(HasSubstr(">time since its own start, s<"), HasSubstr("payload sent")));
+  EXPECT_THAT(html, Not(HasSubstr(">time, s<")));
+  EXPECT_THAT(html, HasSubstr("<li>the drones flew at times far apart"));
+}
+
+TEST_F(Report, DrawsAFlightWithOneStampThatIsYearsOff) {
+  for (const char* name : {"uav0", "uav1"}) {
+    TimingWriter timings(run() / name);
+    LinkWriter link(run() / name);
+    for (const TimeNs stamp_ns : {TimeNs{1000}, TimeNs{2000}, kStart_ns}) {
+      TimingRecord timing;
+      timing.stamp_ns = stamp_ns;
+      timings.write(timing);
+      LinkRecord record;
+      record.stamp_ns = stamp_ns;
+      record.payload_bytes_sent = 2056;
+      link.write(record);
+    }
+  }
+  EXPECT_THAT(drawn(), AllOf(HasSubstr("payload sent"), Not(HasSubstr("nan"))));
 }
 
 TEST_F(Report, OfARunWithoutSummaryIsAnError) {

@@ -414,6 +414,18 @@ TEST_F(Team, RecordingsThatHaveNoTimeInCommonAreTold) {
   EXPECT_THAT(covey.output(), HasSubstr("uav1: its recording begins 97 s after those before it"));
 }
 
+TEST_F(Team, ClocksThatAreYearsApartHoldUpNoLockstep) {
+  const TemporaryFolder dataset;
+  fs::copy(kDataset, dataset.path(), fs::copy_options::recursive);
+  for (const char* sensor : {"cam0", "imu0", "state_groundtruth_estimate0"})
+    shift_stamps(dataset.path() / "uav1" / "mav0" / sensor / "data.csv", 1'700'000'000);
+  CoveyProcess covey({"team", dataset.path(), "--out", run_});
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
+  for (const auto& [name, agent] : summary()["agents"].items())
+    EXPECT_EQ(agent["frames"], COVEY_TEST_FLIGHT_FRAMES) << name;
+  EXPECT_THAT(file_content(fs::path(run_) / "report.html"), HasSubstr("since its own start"));
+}
+
 TEST_F(Team, TheSettingsSayHowToStartUnlessTheCommandDoes) {
   const TemporaryFolder folder;
   const std::string config =
