@@ -46,6 +46,13 @@ bool all_have_ended(const CollectedRun& collected, const Wait& wait) {
   });
 }
 
+bool anyone_there(const CollectedRun& collected) { return !drones_that_flew(collected).empty(); }
+
+// Those that failed at their start never make their folders.
+bool nobody_comes(const CollectedRun& collected, const Wait& wait) {
+  return !anyone_there(collected) && seconds_since(wait.start) > wait.start_s + wait.silence_s;
+}
+
 void warn_of_earlier_flights(const CollectedRun& collected, const Wait& wait) {
   for (const DroneFolder& drone : drones_that_flew(collected)) {
     const fs::path folder = collected.run / drone.name;
@@ -70,10 +77,14 @@ bool has_ended(const fs::path& folder, const Wait& wait) {
   return seconds_since(wait.start) > wait.silence_s && silent_for_s(folder) > wait.silence_s;
 }
 
-void wait_for_end(const CollectedRun& collected, double silence_s) {
+void wait_for_end(const CollectedRun& collected, const Wait& wait) {
   constexpr std::chrono::milliseconds kPoll{200};
-  const Wait wait{fs::file_time_type::clock::now(), silence_s};
-  while (!all_have_ended(collected, wait) && !stop_requested()) std::this_thread::sleep_for(kPoll);
+  if (!anyone_there(collected)) {
+    spdlog::info("no drone of {} has made its folder in {} yet: waits up to {:.0f} s for the first",
+                 collected.dataset.string(), collected.run.string(), wait.start_s + wait.silence_s);
+  }
+  while (!all_have_ended(collected, wait) && !nobody_comes(collected, wait) && !stop_requested())
+    std::this_thread::sleep_for(kPoll);
   warn_of_earlier_flights(collected, wait);
 }
 

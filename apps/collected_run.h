@@ -23,6 +23,8 @@ struct CollectedRun {
 struct Wait {
   std::filesystem::file_time_type start;
   double silence_s = 0;
+  // Besides, for the first drone: its container starts, it reads its dataset and makes its folder.
+  double start_s = 60;
 };
 
 // Whether the drone that writes to `folder` has written its summary since the wait began, or
@@ -30,9 +32,9 @@ struct Wait {
 // may be about to start again.
 [[nodiscard]] bool has_ended(const std::filesystem::path& folder, const Wait& wait);
 
-// Returns once at least one drone is there and all that are have ended, or when a stop was asked
-// for.
-void wait_for_end(const CollectedRun& collected, double silence_s);
+// Returns once all drones that are there have ended, when none has come in time, or when a stop was
+// asked for.
+void wait_for_end(const CollectedRun& collected, const Wait& wait);
 
 // As a team does at its end: evaluates and writes RUN/summary.json. A drone without a summary is
 // reported as ended early. Throws std::runtime_error when no drone has left anything.

@@ -28,7 +28,7 @@ void collect(const Options& options) {
   const CollectedRun collected{options.run, options.dataset, options.config_file};
   if (options.silence_s) {
     catch_stop_signals();
-    wait_for_end(collected, *options.silence_s);
+    wait_for_end(collected, {std::filesystem::file_time_type::clock::now(), *options.silence_s});
   }
   std::printf("%s", team_table(summarize_collected(collected), nullptr).c_str());
 }
@@ -70,8 +70,10 @@ void add_report_command(CLI::App& covey) {
       ->type_name("FILE.json")
       ->needs(dataset);
   command
-      ->add_option("--wait", options->silence_s,
-                   "First waits until all have ended, or said nothing for so many seconds")
+      ->add_option(
+          "--wait", options->silence_s,
+          "First waits until all have ended, or said nothing for so many seconds; a minute "
+          "more for the first to come")
       ->check(NumberRange(0.1, 1e6))
       ->needs(dataset);
   command->callback([options] { run(*options); });

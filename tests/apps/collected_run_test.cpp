@@ -196,6 +196,24 @@ TEST_F(CollectedFlight, WhatOneDroneHasLeftBrokenCostsTheOtherNoFigures) {
   EXPECT_TRUE(fs::exists(run() / "report.html"));
 }
 
+TEST_F(CollectedFlight, NobodyIsWaitedForWhoNeverComes) {
+  fs::create_directories(run());
+  const CollectedRun collected{run(), COVEY_TEST_FLIGHT, ""};
+  const auto start = fs::file_time_type::clock::now() - std::chrono::seconds(30);
+  wait_for_end(collected, {start, 20, 9});  // or it would wait for ever
+  EXPECT_THAT([&] { (void)summarize_collected(collected); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("holds no folder of a drone")));
+}
+
+TEST_F(CollectedFlight, WhoWaitsForTheFirstDroneSaysSo) {
+  fs::create_directories(run());
+  CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--wait", "0.1"});
+  EXPECT_TRUE(covey.wait_for("waits up to 60 s for the first")) << covey.output();
+  covey.send(SIGTERM);
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_THAT(covey.output(), HasSubstr("holds no folder of a drone"));
+}
+
 TEST_F(CollectedFlight, WithoutAnyDroneThereIsNothingToReport) {
   fs::create_directories(run());
   CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT});
