@@ -180,22 +180,42 @@ AgentSummary summarize_drone(const DroneFolder& drone, const fs::path& folder,
   return summary;
 }
 
-// Of the worlds that a drone has found: each against where the peer's really lies.
+AlignmentSummary judge(const FoundWorld& found, const LevelFrame& own, const LevelFrame& peer) {
+  AlignmentSummary alignment;
+  alignment.position_error_m =
+      (own * (found.T_own_peer * found.p_peer) - peer * found.p_peer).norm();
+  alignment.yaw_error_deg =
+      std::abs(std::remainder(own.yaw_deg + found.T_own_peer.yaw_deg - peer.yaw_deg, 360.0));
+  alignment.position_sigma_m = found.position_sigma_m;
+  alignment.yaw_sigma_deg = found.yaw_sigma_deg;
+  return alignment;
+}
+
+// Of the worlds that a drone has found: each against where the peer's really lies, as far as the
+// peer has told it here. It may have left nothing, or be of another team's dataset.
 std::map<std::string, AlignmentSummary> judge_alignments(const fs::path& run,
                                                          const std::string& drone) {
   std::map<std::string, AlignmentSummary> alignments;
   const LevelFrame own = own_world_of(run / drone);
   for (const auto& [name, found] : found_worlds_of(run / drone)) {
-    const LevelFrame peer = own_world_of(run / name);
-    AlignmentSummary& alignment = alignments[name];
-    alignment.position_error_m =
-        (own * (found.T_own_peer * found.p_peer) - peer * found.p_peer).norm();
-    alignment.yaw_error_deg =
-        std::abs(std::remainder(own.yaw_deg + found.T_own_peer.yaw_deg - peer.yaw_deg, 360.0));
-    alignment.position_sigma_m = found.position_sigma_m;
-    alignment.yaw_sigma_deg = found.yaw_sigma_deg;
+    try {
+      alignments[name] = judge(found, own, own_world_of(run / name));
+    } catch (const std::exception& error) {
+      spdlog::warn("{} has found {}'s world, which cannot be judged: {}", drone, name,
+                   error.what());
+    }
   }
   return alignments;
+}
+
+void judge_alignments(const fs::path& run, std::map<std::string, AgentSummary>& agents) {
+  for (auto& [name, agent] : agents) {
+    try {
+      agent.alignments = judge_alignments(run, name);
+    } catch (const std::exception& error) {
+      spdlog::warn("{}: nothing is known of its world: {}", name, error.what());
+    }
+  }
 }
 
 template <typename Number>
@@ -294,7 +314,7 @@ RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight
   }
   const bool all_ended = !flight.interrupted && flight.ended_early.empty();
   if (options.unknown_start && options.mode == FlightMode::kCollaborative && all_ended) {
-    for (auto& [name, agent] : run.agents) agent.alignments = judge_alignments(options.out, name);
+    judge_alignments(options.out, run.agents);
   }
   write_run_summary(options.out / "summary.json", run);
   return run;

@@ -196,6 +196,31 @@ TEST_F(CollectedFlight, WhatOneDroneHasLeftBrokenCostsTheOtherNoFigures) {
   EXPECT_TRUE(fs::exists(run() / "report.html"));
 }
 
+TEST_F(CollectedFlight, AWorldWhoseDroneHasLeftNothingIsNotJudged) {
+  const json world = {{"position_m", {1, 2, 3}}, {"yaw_deg", 30}};
+  json found = world;
+  found.update({{"at_m", {1, 1, 1}}, {"position_sigma_m", 0.1}, {"yaw_sigma_deg", 1}});
+  for (const auto& [name, peer] : {std::pair("uav0", "uav1"), std::pair("uav1", "uav0")}) {
+    json summary = to_json(AgentSummary());
+    summary["own_world"] = world;
+    summary["peer_worlds"] = {{peer, found}, {"uav7", found}};
+    (void)folder_.write(fs::path("run") / name / kAgentSummaryFile, summary.dump());
+  }
+  const json settings = {{"initialisation", {{"own_world", true}}},
+                         {"fusion", {{"common_start", false}}}};
+  const std::string own = folder_.write("own.json", settings.dump()).string();
+  CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--config", own});
+  EXPECT_EQ(covey.finish(), 0) << covey.output();
+  EXPECT_THAT(covey.output(), HasSubstr("uav0 has found uav7's world, which cannot be judged"));
+  const RunSummary summary = read_run_summary(run() / "summary.json");
+  ASSERT_TRUE(summary.agents.at("uav0").alignments);
+  EXPECT_EQ(summary.agents.at("uav0").alignments->count("uav1"), 1u);
+  EXPECT_EQ(summary.agents.at("uav0").alignments->count("uav7"), 0u);
+  fs::remove_all(run() / "uav1");
+  CoveyProcess without({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--config", own});
+  EXPECT_EQ(without.finish(), 0) << without.output();
+}
+
 TEST_F(CollectedFlight, NobodyIsWaitedForWhoNeverComes) {
   fs::create_directories(run());
   const CollectedRun collected{run(), COVEY_TEST_FLIGHT, ""};
