@@ -666,6 +666,7 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
     warn_of_start();
     warn_of_moves();
   }
+  write_status();
   if (link_) link_->close();
   if (pipeline_.calibration() != nullptr) keep_field();
   AgentSummary told = summary();

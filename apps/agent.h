@@ -30,7 +30,7 @@ namespace covey {
 // What an agent leaves beside the files of run_files.h.
 inline constexpr char kAgentConfigFile[] = "config.json";
 inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
-inline constexpr char kAgentStatusFile[] = "status.json";  // once a second
+inline constexpr char kAgentStatusFile[] = "status.json";  // once a second, and at the end
 
 // What became of the peers' messages, since the start: of answers, and how much was learnt from
 // what peers have found of own keyframes.
@@ -69,7 +69,8 @@ class Agent {
 
   // Images must come in time order; some may be left out.
   void fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms);
-  void count_dropped(std::uint64_t images) { dropped_ += static_cast<std::int64_t>(images); }
+  // So far.
+  void set_dropped(std::uint64_t images) { dropped_ = static_cast<std::int64_t>(images); }
 
   // Peers. Nothing happens when flown alone.
   [[nodiscard]] bool meet(const std::set<std::string>& peers, std::chrono::milliseconds patience);
@@ -86,7 +87,7 @@ class Agent {
   [[nodiscard]] AdvancedReply progress() const;  // without the memory, which takes a while to ask
   [[nodiscard]] double own_memory_mib() const;   // with the link's process
 
-  // Writes the summary. `incomplete`: why the flight ended early, if it did.
+  // Writes the last status and the summary. `incomplete`: why the flight ended early, if it did.
   AgentSummary finish(const std::optional<std::string>& incomplete = {});
 
  private:

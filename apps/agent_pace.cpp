@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <exception>
@@ -54,7 +55,7 @@ class ImageReader {
 
  private:
   const Agent& agent_;
-  std::uint64_t left_out_ = 0;
+  std::atomic<std::uint64_t> left_out_ = 0;  // told while another thread reads
 };
 
 // The team's end of the channel; absent when the drone flies by itself.
@@ -118,8 +119,9 @@ struct Flight {
 std::size_t fly_until(const Flight& flight, std::size_t next, TimeNs until_ns) {
   const std::vector<ImageEntry>& images = flight.agent.images();
   while (next < images.size() && images[next].stamp_ns <= until_ns && flight.control.goes_on()) {
-    if (const auto image = flight.reader.read(images[next++]))
-      flight.agent.fly(image->stamp_ns, image->pixels, image->read_ms);
+    const std::optional<TimedImage> image = flight.reader.read(images[next++]);
+    flight.agent.set_dropped(flight.reader.left_out());
+    if (image) flight.agent.fly(image->stamp_ns, image->pixels, image->read_ms);
     flight.control.show_progress(flight.agent);
   }
   return next;
@@ -165,6 +167,7 @@ bool fly_as_fast_as_possible(const Flight& flight) {
   for (const ImageEntry& entry : agent.images()) {
     if (!control.goes_on()) return false;
     const std::optional<TimedImage> image = reader.read(entry);
+    agent.set_dropped(reader.left_out());
     agent.take_inbox();
     agent.handle_messages();
     if (image) agent.fly(image->stamp_ns, image->pixels, image->read_ms);
@@ -193,7 +196,8 @@ class ClockReader {
     return queue_.pop_for(patience);
   }
   [[nodiscard]] bool finished() const { return queue_.finished(); }
-  [[nodiscard]] std::uint64_t dropped() const { return queue_.dropped(); }
+  // Those that cannot be read among them.
+  [[nodiscard]] std::uint64_t dropped() const { return queue_.dropped() + reader_.left_out(); }
   // What stopped the reading, once finished.
   void rethrow_failure() const {
     if (failure_) std::rethrow_exception(failure_);
@@ -234,7 +238,7 @@ class ClockReader {
   static constexpr double kTooLate_ms = 500;
 
   const Agent& agent_;
-  ImageReader& reader_;  // its thread's alone until it has ended
+  ImageReader& reader_;
   const GoCommand go_;
   const double born_ms_ = steady_ms();
   BoundedQueue<TimedImage>
@@ -253,16 +257,17 @@ bool fly_by_clock(const Flight& flight) {
     const std::optional<TimedImage> image = reader.next(kInboxPoll);
     agent.take_inbox();
     agent.handle_messages();
+    agent.set_dropped(reader.dropped());
     if (image) agent.fly(image->stamp_ns, image->pixels, image->read_ms);
     agent.show_status();
     control.show_progress(agent);
   }
-  agent.count_dropped(reader.dropped());
+  agent.set_dropped(reader.dropped());
   if (reader.finished()) reader.rethrow_failure();
   return control.goes_on();
 }
 
-bool fly_at_pace(const Flight& flight) {
+bool fly(const Flight& flight) {
   switch (flight.agent.config().agent.pace) {
     case Pace::kMax:
       return fly_as_fast_as_possible(flight);
@@ -274,13 +279,6 @@ bool fly_at_pace(const Flight& flight) {
       break;  // flies no recording
   }
   throw std::logic_error("unknown pace");
-}
-
-bool fly(Agent& agent, Control& control) {
-  ImageReader reader(agent);
-  const bool complete = fly_at_pace({agent, reader, control});
-  agent.count_dropped(reader.left_out());
-  return complete;
 }
 
 // False: stopped meanwhile. Flies without those that do not come.
@@ -330,7 +328,8 @@ bool fly_recording(const AgentConfig& config, Control& control) {
   Agent agent(config);
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
   control.say(ready_reply(agent.images()));
-  const bool complete = meet_peers(agent, control) && fly(agent, control);
+  ImageReader reader(agent);
+  const bool complete = meet_peers(agent, control) && fly({agent, reader, control});
   const AgentSummary summary =
       agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
   if (complete && !control.has_team()) tell_result(config, summary);

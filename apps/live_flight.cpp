@@ -226,6 +226,7 @@ bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     agent.add_imu(sensors.imu());
     agent.take_inbox();
     agent.handle_messages();
+    agent.set_dropped(sensors.dropped());
     if (covered) {
       agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // the tracker keeps it
       warn_of_wait(agent, seconds_between(first_ns, image->stamp_ns), complaints);
@@ -271,7 +272,7 @@ bool run_live_agent(const AgentConfig& config) {
     agent.emplace(config, description, link);
   }
   const bool complete = fly_until_stopped(*agent, link, sensors, std::move(image));
-  agent->count_dropped(sensors.dropped());
+  agent->set_dropped(sensors.dropped());
   const AgentSummary summary =
       agent->finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));
   tell_of_start(summary, stop_requested());

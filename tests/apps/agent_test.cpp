@@ -217,6 +217,23 @@ TEST(Agent, AStatusThatCannotBeWrittenEndsNoFlight) {
   EXPECT_EQ(covey.output().find(words, first + 1), std::string::npos) << "one line is enough";
 }
 
+TEST(Agent, ItsStatusCountsTheImagesThatItDrops) {
+  const TemporaryFolder folder;
+  const json settings = {
+      {"agent",
+       {{"mode", "solo"}, {"pace", "rate"}, {"real_time_factor", 100}, {"image_queue", 1}}}};
+  const fs::path config = folder.write("agent.json", settings.dump());
+  const fs::path out = folder.path() / "out";
+  CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
+                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out", out.string()});
+  ASSERT_EQ(covey.finish(), 0) << covey.output();
+  const json status = json::parse(file_content(out / kAgentStatusFile));
+  const json summary = json::parse(file_content(out / kAgentSummaryFile));
+  EXPECT_EQ(status["frames_dropped"], summary["frames_dropped"]);
+  EXPECT_EQ(status["frames"].get<int>() + status["frames_dropped"].get<int>(),
+            COVEY_TEST_FLIGHT_FRAMES);
+}
+
 TEST(Agent, AFullDiskEndsNoFlightAndIsToldInItsSummary) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "uav0";
