@@ -61,7 +61,7 @@ struct Inspection {
   InspectedFlight raw;
   std::optional<InspectedFlight> calibrated;  // of a thermal camera
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
-  std::vector<FieldRecord> fields;            // twice a second
+  std::vector<FieldRecord> fields;            // twice a second; only the last as large as images
   std::optional<double> pixel_lag_s;          // time constant, as estimated at the end
   std::optional<double> pattern_share;        // of the images, whose gain the sensor's pattern told
   // |difference| between a track's patch, its mean, and that ten images before, in standard

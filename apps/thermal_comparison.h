@@ -18,7 +18,9 @@ namespace covey {
 struct FieldRecord {
   TimeNs stamp_ns = 0;
   TimeNs chain_ns = 0;
-  cv::Mat field;  // CV_32FC1, as large as the image, grey levels of the chain's first image
+  // CV_32FC1, as large as the image or in cells of the truth; grey levels of the chain's first
+  // image.
+  cv::Mat field;
 };
 
 // |estimated over true - 1|.

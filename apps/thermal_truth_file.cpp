@@ -25,9 +25,8 @@ fs::path made(const fs::path& folder) {
 }
 
 cv::Mat to_counts(const cv::Mat& pattern_k) {
-  cv::Mat cells, counts;
-  cv::resize(pattern_k, cells, pattern_k.size() / kTruthCell, 0, 0, cv::INTER_AREA);
-  cells.convertTo(counts, CV_16U, kCountsPerKelvin, kZeroCount);
+  cv::Mat counts;
+  in_truth_cells(pattern_k).convertTo(counts, CV_16U, kCountsPerKelvin, kZeroCount);
   return counts;
 }
 
@@ -50,6 +49,12 @@ void ThermalTruthWriter::write(TimeNs stamp_ns, const ThermalTruth& truth) {
 }
 
 void ThermalTruthWriter::close() { csv_.require_whole(); }
+
+cv::Mat in_truth_cells(const cv::Mat& field) {
+  cv::Mat cells;
+  cv::resize(field, cells, field.size() / kTruthCell, 0, 0, cv::INTER_AREA);
+  return cells;
+}
 
 std::optional<std::vector<ThermalTruthRecord>> read_thermal_truth(const fs::path& mav0) {
   const fs::path folder = mav0 / kThermalTruthFolder;

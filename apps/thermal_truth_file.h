@@ -46,6 +46,9 @@ struct ThermalTruthRecord {
   std::filesystem::path field;  // empty when none was written for this image
 };
 
+// Of a field as large as the image the mean of each square, as it is kept here.
+[[nodiscard]] cv::Mat in_truth_cells(const cv::Mat& field);
+
 // Nothing when the recording has none. Throws std::runtime_error that names file and line.
 [[nodiscard]] std::optional<std::vector<ThermalTruthRecord>> read_thermal_truth(
     const std::filesystem::path& mav0);

@@ -53,6 +53,19 @@ TEST(Inspect, ShowsAThermalFlightRawAndCalibratedAgainstTheTruth) {
   EXPECT_LT(summary["truth"]["gain_error"]["over_third_of_a_second"]["mean"], 0.05);
 }
 
+TEST(Inspect, KeepsOnlyTheLastFieldAsLargeAsTheImage) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard";
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 8 --out " + yard.string()),
+      "");
+  const Inspection inspection = inspect_flight(find_drones(yard).front(), InspectionConfig(),
+                                               [](std::size_t, std::size_t) {});
+  ASSERT_GE(inspection.fields.size(), 2u);
+  EXPECT_EQ(inspection.fields.front().field.size(), cv::Size(640, 512) / kTruthCell);
+  EXPECT_EQ(inspection.fields.back().field.size(), cv::Size(640, 512));
+}
+
 TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
