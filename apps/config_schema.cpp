@@ -129,10 +129,10 @@ void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
   PhotometricConfig& p = thermal.photometric;
   v.number("repeated_share", p.shutter.repeated_share, {0.5, 1},
            "of pixels unchanged in an image that was repeated: the shutter is closed");
-  v.number("uniform_range_8bit", p.shutter.uniform_range_8bit, {0, 255},
-           "[grey levels] least spread of a scene in 8 bits");
-  v.number("uniform_range_16bit", p.shutter.uniform_range_16bit, {0, 65535},
-           "[counts] least spread of a scene in 16 bits");
+  v.number("uniform_noises", p.shutter.uniform_noises, {0, 1e3},
+           "standard deviations of noise over which a scene spreads at least");
+  v.number("uniform_range", p.shutter.uniform_range, {0, 65535},
+           "[grey levels] and at least so far");
   v.number("bad_pixel_deviations", p.bad_pixels.deviations, {3, 1e3},
            "from its neighbours' median, of what is typical");
   v.number("bad_pixel_interval_s", p.bad_pixels.interval_s, {0.01, 1e3}, "[s] between two checks");

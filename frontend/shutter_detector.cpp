@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdlib>
 #include <utility>
 
 namespace covey {
@@ -33,6 +34,25 @@ double spread(std::vector<std::uint16_t> sample) {
   return *high - darkest;
 }
 
+// Standard deviation, grey levels: by how much a pixel differs from the one beside it, where there
+// is no edge.
+template <typename Pixel>
+double noise_of(const cv::Mat& image) {
+  constexpr double kPerMedian = 1.048;  // 1 / (0.6745 sqrt(2))
+  std::vector<std::uint16_t> steps;
+  steps.reserve(image.total() / (kStep * kStep) + 1);
+  for (int y = kStep / 2; y < image.rows; y += kStep) {
+    const Pixel* row = image.ptr<Pixel>(y);
+    for (int x = kStep / 2; x + 1 < image.cols; x += kStep) {
+      steps.push_back(static_cast<std::uint16_t>(std::abs(row[x + 1] - row[x])));
+    }
+  }
+  if (steps.empty()) return 0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return kPerMedian * *middle;
+}
+
 }  // namespace
 
 ImageContent ShutterDetector::look(const cv::Mat& image) {
@@ -47,7 +67,8 @@ ImageContent ShutterDetector::look(const cv::Mat& image) {
       !last_.empty() &&
       static_cast<double>(same) >= config_.repeated_share * static_cast<double>(sample.size());
   last_ = std::move(sample);
-  const double limit = wide ? config_.uniform_range_16bit : config_.uniform_range_8bit;
+  const double noise = wide ? noise_of<std::uint16_t>(image) : noise_of<std::uint8_t>(image);
+  const double limit = std::max(config_.uniform_range, config_.uniform_noises * noise);
   if (spread(last_) <= limit) return ImageContent::kUniform;
   return repeated ? ImageContent::kRepeated : ImageContent::kScene;
 }

@@ -12,9 +12,9 @@ namespace covey {
 
 struct ShutterConfig {
   double repeated_share = 0.98;  // of pixels that are what they were, in a repeated image
-  double uniform_range_8bit =
-      2;  // grey levels between the 1st and 99th percentile of a uniform image
-  double uniform_range_16bit = 32;  // counts, likewise: about what temporal noise alone spreads
+  // A uniform image's grey levels lie so close together, between the 1st and the 99th percentile:
+  double uniform_noises = 6;  // of noise's standard deviations, which alone spreads 4.7,
+  double uniform_range = 2;   // or this many levels, whatever the noise
 };
 
 enum class ImageContent { kScene, kRepeated, kUniform };

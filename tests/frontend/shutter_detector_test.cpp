@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frontend/shutter_detector.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/frontend/synthetic_view.h"
+
+namespace covey {
+namespace {
+
+// What a kelvin is worth, and how noisy it is.
+struct Camera {
+  double counts_per_kelvin = 0;
+  double noise_k = 0.04;
+};
+
+cv::Mat exposed(const Camera& camera, const cv::Mat& kelvin, unsigned seed) {
+  cv::RNG random(seed);
+  cv::Mat noise(kelvin.size(), CV_32FC1), counts;
+  random.fill(noise, cv::RNG::NORMAL, 0, camera.noise_k);
+  cv::Mat(kelvin + noise).convertTo(counts, CV_16U, camera.counts_per_kelvin, 20000);
+  return counts;
+}
+
+// Within 2 K.
+cv::Mat scene() {
+  cv::Mat kelvin = testing_view::random_texture(384, 5)(cv::Rect(0, 0, 320, 240)).clone();
+  cv::normalize(kelvin, kelvin, 0, 2, cv::NORM_MINMAX, CV_32F);
+  return kelvin;
+}
+
+// 0.1 K, 0.01 K and 1 mK per count; a camera that is noisier.
+TEST(ShutterDetector, TellsAShutterFromAFaintSceneWhateverACountIsWorth) {
+  const cv::Mat kelvin = scene(), shutter(kelvin.size(), CV_32FC1, cv::Scalar(1));
+  for (const Camera& camera : {Camera{10}, Camera{100}, Camera{1000}, Camera{100, 0.1}}) {
+    const auto content = [&](const cv::Mat& seen, unsigned seed) {
+      return ShutterDetector(ShutterConfig{}).look(exposed(camera, seen, seed));
+    };
+    EXPECT_EQ(content(kelvin, 1), ImageContent::kScene) << camera.counts_per_kelvin;
+    EXPECT_EQ(content(shutter, 2), ImageContent::kUniform) << camera.counts_per_kelvin;
+  }
+}
+
+TEST(ShutterDetector, AnImageLikeTheLastOneIsRepeated) {
+  ShutterDetector detector(ShutterConfig{});
+  const cv::Mat kelvin = scene();
+  EXPECT_EQ(detector.look(exposed({100}, kelvin, 1)), ImageContent::kScene);
+  EXPECT_EQ(detector.look(exposed({100}, kelvin, 2)), ImageContent::kScene) << "other noise";
+  EXPECT_EQ(detector.look(exposed({100}, kelvin, 2)), ImageContent::kRepeated);
+}
+
+}  // namespace
+}  // namespace covey
