@@ -359,8 +359,14 @@ double DriftFilter::repetition(const Drone& drone, const UsedPose& pose) const {
   return factor;
 }
 
-// However often a peer answers, it sees the same corners: their errors do not average out.
+// However often a peer answers, it sees the same corners: their errors do not average out. The same
+// keyframe in the same image is the same measurement, remembered or sent once more.
 bool DriftFilter::said_enough(const Drone& drone, const UsedPose& pose) const {
+  const bool said = std::any_of(drone.used.begin(), drone.used.end(), [&](const UsedPose& used) {
+    return used.found_by_other == pose.found_by_other && used.landmarks_of == pose.landmarks_of &&
+           used.found_ns == pose.found_ns && used.own_stamp_ns == pose.own_stamp_ns;
+  });
+  if (said) return true;
   const auto known = std::count_if(drone.used.begin(), drone.used.end(), [&](const UsedPose& used) {
     return used.found_by_other == pose.found_by_other && used.own_stamp_ns == pose.own_stamp_ns;
   });

@@ -175,6 +175,17 @@ TEST(DriftFilter, WhatHasBeenSaidBeforeCountsLess) {
   EXPECT_GT(position_variance_with(elsewhere), 1.08 * position_variance_with(by_peer));
 }
 
+// Remembered by the own drone, say, and then answered by the peer.
+TEST(DriftFilter, TheSameKeyframeInTheSameImageIsOneMeasurement) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  EXPECT_EQ(filter.add(relative(own, 12, other, 12, 3)), DriftOutcome::kUsed);
+  const Eigen::MatrixXd before = filter.covariance();
+  EXPECT_EQ(filter.add(relative(own, 12, other, 12, 4)), DriftOutcome::kRepeated);
+  EXPECT_EQ(filter.covariance(), before);
+  EXPECT_EQ(filter.add(relative(own, 12, other, 11, 5)), DriftOutcome::kUsed);
+}
+
 TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
