@@ -255,16 +255,20 @@ double State::common_depth_sigma() const {
   return std::sqrt((L * P_.block(begin, begin, size, size)).dot(L));
 }
 
-// ds = L dx, and dx becomes dx - D ds.
+// ds = L dx, and dx becomes dx - D ds: as long as ds is zero, dx + u L dx, u having 1 for ds and -D
+// for all else.
 void State::separate_scale() {
   assert(!landmarks_.empty() || clones_.size() > 1);
   merge_scale();
   scale_origin_ = camera(clones_.front().pose);
   const Eigen::RowVectorXd L = landmarks_.empty() ? common_distance() : common_depth();
-  Eigen::MatrixXd M = Eigen::MatrixXd::Identity(dimension_, dimension_) - change_by_scale() * L;
-  M.row(kScale) = L;
-  const Eigen::MatrixXd moved = M * covariance() * M.transpose();
-  P_.topLeftCorner(dimension_, dimension_) = (moved + moved.transpose()) / 2;
+  Eigen::VectorXd u = -change_by_scale();
+  u(kScale) = 1;
+  auto P = P_.topLeftCorner(dimension_, dimension_);
+  const Eigen::VectorXd with_all = P * L.transpose();  // covariances of L dx
+  const double variance = L * with_all;
+  P.selfadjointView<Eigen::Lower>().rankUpdate(u, with_all + variance / 2 * u);
+  P = Eigen::MatrixXd(P.selfadjointView<Eigen::Lower>());
 }
 
 void State::merge_scale() {
