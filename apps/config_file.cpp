@@ -131,6 +131,7 @@ CollaboratorConfig collaborator_config(const AgentConfig& config, bool has_truth
   collaboration.matching.common_start = drift.common_start;
   verification.max_offset += kSigmas * drift.start_position_sigma_m;
   verification.max_yaw += kSigmas * drift.start_yaw_sigma;
+  collaboration.matching.start_turn = kSigmas * drift.start_yaw_sigma;
   if (!drift.common_start) {
     verification.max_offset = 1e6;
     verification.max_yaw = M_PI;

@@ -283,6 +283,7 @@ Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImageP
                                      const Eigen::Isometry3d& T_world_cam,
                                      const Matrix6d& covariance,
                                      const std::vector<TrackDepth>& depths) {
+  if (next_keyframe_id_ == 1) matcher_.note_start(T_world_cam.translation());
   Keyframe keyframe;
   keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
   keyframe.before = measured_since(database_.keyframes(), keyframe.pose, config_.depth_memory_s);

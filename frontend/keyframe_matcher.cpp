@@ -176,10 +176,19 @@ std::optional<Eigen::Isometry3d> KeyframeMatcher::likely_world_of(const std::str
   return known || world == worlds_.end() ? known : world->second.supposed;
 }
 
+VerificationConfig KeyframeMatcher::limits(const Keyframe& own, const std::string& other) const {
+  VerificationConfig config = config_.verification;
+  const auto world = worlds_.find(other);
+  if (world != worlds_.end() && world->second.known) return config;
+  config.max_offset += config_.start_turn * (own.pose.T_world_cam.translation() - p_start_).norm();
+  return config;
+}
+
 // First among corners that lie about where they are expected, then anywhere.
 VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
                                                  const std::vector<OwnFeature>& features,
-                                                 const std::vector<PeerPoint>& points) const {
+                                                 const std::vector<PeerPoint>& points,
+                                                 const VerificationConfig& config) const {
   const Eigen::Isometry3d& T_world_cam = own.pose.T_world_cam;
   const auto verified = [&](const std::vector<IndexPair>& pairs) {
     std::vector<Correspondence> correspondences;
@@ -187,7 +196,7 @@ VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
     for (const IndexPair& pair : pairs) {
       correspondences.push_back({points[pair.peer].p_world, features[pair.own].bearing});
     }
-    return verify(T_world_cam, correspondences, camera_, config_.verification);
+    return verify(T_world_cam, correspondences, camera_, config);
   };
   const VerificationResult nearby =
       verified(match_guided(T_world_cam, FrameOffset{}, features, points, camera_,
@@ -201,13 +210,13 @@ VerificationResult KeyframeMatcher::verify_pairs(const Keyframe& own,
 // over the whole reach of the search, so they have to agree much better than that.
 VerificationResult KeyframeMatcher::verify_in_place(const Keyframe& own,
                                                     const std::vector<PeerPoint>& points,
-                                                    const std::vector<Search>& searches) const {
+                                                    const std::vector<Search>& searches,
+                                                    VerificationConfig config) const {
   std::vector<Correspondence> correspondences;
   for (std::size_t i = 0; i < searches.size(); ++i) {
     if (!searches[i].found) continue;
     correspondences.push_back({points[i].p_world, searches[i].found->bearing});
   }
-  VerificationConfig config = config_.verification;
   config.inlier_px = config_.in_place_px;
   config.min_inlier_share = config_.in_place_share;
   config.min_inliers = config_.min_matches;
@@ -222,9 +231,10 @@ std::variant<KeyframeMatch, NoMatch> KeyframeMatcher::match(const Keyframe& own,
   const std::vector<PeerPoint> points = points_of(T_world_other, landmarks);
   const std::vector<OwnFeature> features = features_of(own);
   std::vector<Search> searches = look_where_expected(own, other, landmarks);
-  VerificationResult result = verify_in_place(own, points, searches);
+  const VerificationConfig verification = limits(own, other.sender);
+  VerificationResult result = verify_in_place(own, points, searches, verification);
   const bool in_place = result.verified.has_value();
-  if (!in_place && other.described) result = verify_pairs(own, features, points);
+  if (!in_place && other.described) result = verify_pairs(own, features, points, verification);
   if (!result.verified) return NoMatch{to_reason(result.failure)};
   const FrameOffset& offset = result.verified->offset;
   const Eigen::Isometry3d T_other_own = relative_pose(own.pose.T_world_cam, T_world_other, offset);

@@ -31,6 +31,8 @@ struct KeyframeMatcherConfig {
                                     // neither sent nor accepted
   int min_matches = 8;              // fewer are no matches
   bool common_start = true;         // are all worlds one but for drift, or unknown until told?
+  double start_turn = 0;  // rad, by which a peer's world may be turned about the own start
+                          // until it is known
   // By descriptor.
   MatchingConfig descriptors;
   VerificationConfig verification;
@@ -88,6 +90,8 @@ class KeyframeMatcher {
 
   void set_intrinsics(const CameraIntrinsics& camera) { camera_ = camera; }  // as known by now
 
+  void note_start(const Eigen::Vector3d& p_world) { p_start_ = p_world; }  // of the own drone
+
   // Of the newest own keyframes; those without an image are matched by descriptor alone.
   void keep_image(std::uint64_t keyframe_id, const ImagePyramid& image);
 
@@ -125,12 +129,16 @@ class KeyframeMatcher {
   [[nodiscard]] std::vector<Search> look_where_expected(
       const Keyframe& own, const PeerKeyframe& other,
       const std::vector<PeerLandmark>& landmarks) const;
+  // How far off the other's points may be, too.
+  [[nodiscard]] VerificationConfig limits(const Keyframe& own, const std::string& other) const;
   [[nodiscard]] VerificationResult verify_in_place(const Keyframe& own,
                                                    const std::vector<PeerPoint>& points,
-                                                   const std::vector<Search>& searches) const;
+                                                   const std::vector<Search>& searches,
+                                                   VerificationConfig config) const;
   [[nodiscard]] VerificationResult verify_pairs(const Keyframe& own,
                                                 const std::vector<OwnFeature>& features,
-                                                const std::vector<PeerPoint>& points) const;
+                                                const std::vector<PeerPoint>& points,
+                                                const VerificationConfig& config) const;
   // Corners that both track.
   [[nodiscard]] std::vector<LandmarkMatch> matches_of(const Keyframe& own,
                                                       const std::vector<PeerLandmark>& landmarks,
@@ -143,6 +151,7 @@ class KeyframeMatcher {
 
   KeyframeMatcherConfig config_;
   CameraIntrinsics camera_;
+  Eigen::Vector3d p_start_ = Eigen::Vector3d::Zero();
   struct World {
     std::optional<Eigen::Isometry3d> known, supposed;  // T_own_drone
     std::uint64_t newest_keyframe = 0;                 // that was noted

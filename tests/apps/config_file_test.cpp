@@ -256,6 +256,8 @@ TEST(AgentConfig, MeasuredStartsMayBeAsWrongAsTheyAreSaidToBe) {
   const VerificationConfig measured = collaborator_config(config, false).matching.verification;
   EXPECT_DOUBLE_EQ(measured.max_offset - exact.max_offset, 3);
   EXPECT_DOUBLE_EQ(measured.max_yaw - exact.max_yaw, 0.3);
+  EXPECT_EQ(collaborator_config(config, true).matching.start_turn, 0);
+  EXPECT_DOUBLE_EQ(collaborator_config(config, false).matching.start_turn, 0.3);
 }
 
 TEST(AgentConfig, StartsAreExactWhereGroundTruthTellsThem) {

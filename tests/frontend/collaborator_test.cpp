@@ -604,6 +604,26 @@ TEST(Collaborator, TakesOneThatIsKnownToLieFiveMetresOff) {
   EXPECT_LT((match->T_other_own.translation() - T_other_own.translation()).norm(), 0.1);
 }
 
+// A heading that was measured 0.1 rad wrong, 50 m away.
+TEST(Collaborator, FarFromItsStartAWorldThatIsTurnedMayLieFiveMetresOff) {
+  const auto offset_is_too_large = [](double start_turn) {
+    Team team;
+    CollaboratorConfig config;
+    config.agent = "uav0";
+    config.matching.start_turn = start_turn;
+    team.uav0 = Collaborator(config, visual_vocabulary(), camera());
+    look(team.uav0, team.scene, level_camera({0, -50, 0}), 2.0, kOwnIds + 500);
+    team.advert = look(team.uav0, team.scene, level_camera({0.5, 1.5, 0.3}, 0.1), 3.0, kOwnIds);
+    PeerKeyframe answer = team.ask();
+    answer.pose.T_world_cam.translation().y() += 5;
+    const auto result = team.uav0.match(answer);
+    const auto* none = std::get_if<NoMatch>(&result);
+    return none != nullptr && none->reason == NoMatchReason::kOffsetTooLarge;
+  };
+  EXPECT_TRUE(offset_is_too_large(0));
+  EXPECT_FALSE(offset_is_too_large(0.1));
+}
+
 TEST(Collaborator, ToleratesTheDriftOfAPeer) {
   Team team;
   PeerKeyframe answer = team.ask();
