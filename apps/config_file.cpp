@@ -120,21 +120,18 @@ OnboardConfig onboard_config(const AgentConfig& config) {
   return onboard;
 }
 
-// Drones that start in worlds of their own may be anywhere in each other's; others are off by what
-// they drift and by how wrong their starts may be.
+// Drones that start in worlds of their own may be anywhere in each other's.
 CollaboratorConfig collaborator_config(const AgentConfig& config, bool has_truth) {
-  constexpr double kSigmas = 3;
   CollaboratorConfig collaboration = config.collaboration;
   collaboration.agent = config.agent.name;
   const DriftConfig drift = drift_config(config.fusion, has_truth);
-  VerificationConfig& verification = collaboration.matching.verification;
-  collaboration.matching.common_start = drift.common_start;
-  verification.max_offset += kSigmas * drift.start_position_sigma_m;
-  verification.max_yaw += kSigmas * drift.start_yaw_sigma;
-  collaboration.matching.start_turn = kSigmas * drift.start_yaw_sigma;
+  KeyframeMatcherConfig& matching = collaboration.matching;
+  matching.common_start = drift.common_start;
+  matching.start_position_sigma = drift.start_position_sigma_m;
+  matching.start_yaw_sigma = drift.start_yaw_sigma;
   if (!drift.common_start) {
-    verification.max_offset = 1e6;
-    verification.max_yaw = M_PI;
+    matching.verification.max_offset = 1e6;
+    matching.verification.max_yaw = M_PI;
   }
   return collaboration;
 }

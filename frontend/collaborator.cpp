@@ -505,14 +505,17 @@ bool Collaborator::may_be_another_place(const PeerKeyframe& other,
 }
 
 // In the own world, as far as it is known where the asker's lies. Its sigma is that of both drones'
-// odometry since the start: drift that has been found since is in the alignment.
+// odometry since the start: drift that has been found since is in the alignment, as is how wrong
+// the starts were, once it is known.
 std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert) const {
   const std::optional<Eigen::Isometry3d> world = matcher_.world_of(advert.sender);
   const Keyframe* newest = database_.last();
   if (!world || !newest || config_.exchange != ExchangeMode::kCompact) return std::nullopt;
   CameraView view = advert.view;
   view.T_world_cam = *world * view.T_world_cam;
-  view.sigma += view_sigma(*newest);
+  const double start_sigma = matcher_.start_sigma_at(advert.sender, view.T_world_cam.translation());
+  view.sigma +=
+      view_sigma(*newest) + start_sigma / view.mean_depth + matcher_.start_yaw_sigma(advert.sender);
   return view;
 }
 

@@ -163,9 +163,13 @@ void KeyframeMatcher::note_keyframe(const std::string& drone, std::uint64_t keyf
   if (known != worlds_.end()) known->second.newest_keyframe = keyframe_id;
 }
 
-std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {
+bool KeyframeMatcher::knows_world(const std::string& drone) const {
   const auto world = worlds_.find(drone);
-  if (world != worlds_.end() && world->second.known) return world->second.known;
+  return world != worlds_.end() && world->second.known;
+}
+
+std::optional<Eigen::Isometry3d> KeyframeMatcher::world_of(const std::string& drone) const {
+  if (knows_world(drone)) return worlds_.at(drone).known;
   if (config_.common_start) return Eigen::Isometry3d::Identity();
   return std::nullopt;
 }
@@ -176,11 +180,21 @@ std::optional<Eigen::Isometry3d> KeyframeMatcher::likely_world_of(const std::str
   return known || world == worlds_.end() ? known : world->second.supposed;
 }
 
+double KeyframeMatcher::start_sigma_at(const std::string& drone,
+                                       const Eigen::Vector3d& p_world) const {
+  if (knows_world(drone)) return 0;
+  return config_.start_position_sigma + config_.start_yaw_sigma * (p_world - p_start_).norm();
+}
+
+double KeyframeMatcher::start_yaw_sigma(const std::string& drone) const {
+  return knows_world(drone) ? 0 : config_.start_yaw_sigma;
+}
+
 VerificationConfig KeyframeMatcher::limits(const Keyframe& own, const std::string& other) const {
+  constexpr double kSigmas = 3;
   VerificationConfig config = config_.verification;
-  const auto world = worlds_.find(other);
-  if (world != worlds_.end() && world->second.known) return config;
-  config.max_offset += config_.start_turn * (own.pose.T_world_cam.translation() - p_start_).norm();
+  config.max_offset += kSigmas * start_sigma_at(other, own.pose.T_world_cam.translation());
+  config.max_yaw += kSigmas * start_yaw_sigma(other);
   return config;
 }
 

@@ -31,8 +31,9 @@ struct KeyframeMatcherConfig {
                                     // neither sent nor accepted
   int min_matches = 8;              // fewer are no matches
   bool common_start = true;         // are all worlds one but for drift, or unknown until told?
-  double start_turn = 0;  // rad, by which a peer's world may be turned about the own start
-                          // until it is known
+  // Of a peer's world seen from the own start, until it is known; about z.
+  double start_position_sigma = 0;  // m
+  double start_yaw_sigma = 0;       // rad
   // By descriptor.
   MatchingConfig descriptors;
   VerificationConfig verification;
@@ -109,12 +110,18 @@ class KeyframeMatcher {
   [[nodiscard]] std::optional<Eigen::Isometry3d> world_of(const std::string& drone) const;
   // Or else as it was supposed to lie.
   [[nodiscard]] std::optional<Eigen::Isometry3d> likely_world_of(const std::string& drone) const;
+  // m, of what it has seen at an own place; zero once its world is known.
+  [[nodiscard]] double start_sigma_at(const std::string& drone,
+                                      const Eigen::Vector3d& p_world) const;
+  // rad, likewise.
+  [[nodiscard]] double start_yaw_sigma(const std::string& drone) const;
 
   // `other`: whoever it was sent to; of an own one, what a peer would be told.
   [[nodiscard]] std::variant<KeyframeMatch, NoMatch> match(const Keyframe& own,
                                                            const PeerKeyframe& other) const;
 
  private:
+  [[nodiscard]] bool knows_world(const std::string& drone) const;
   // Where a landmark of the other one was looked for in the own image, and what was found there.
   struct Search {
     std::optional<Eigen::Vector2d> expected;  // bearing; none: not looked for

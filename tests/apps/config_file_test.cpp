@@ -252,12 +252,12 @@ TEST(AgentConfig, MeasuredStartsMayBeAsWrongAsTheyAreSaidToBe) {
   AgentConfig config;
   config.fusion.start_position_sigma_m = 1;
   config.fusion.start_yaw_sigma = 0.1;
-  const VerificationConfig exact = collaborator_config(config, true).matching.verification;
-  const VerificationConfig measured = collaborator_config(config, false).matching.verification;
-  EXPECT_DOUBLE_EQ(measured.max_offset - exact.max_offset, 3);
-  EXPECT_DOUBLE_EQ(measured.max_yaw - exact.max_yaw, 0.3);
-  EXPECT_EQ(collaborator_config(config, true).matching.start_turn, 0);
-  EXPECT_DOUBLE_EQ(collaborator_config(config, false).matching.start_turn, 0.3);
+  const KeyframeMatcherConfig exact = collaborator_config(config, true).matching;
+  const KeyframeMatcherConfig measured = collaborator_config(config, false).matching;
+  EXPECT_EQ(exact.start_position_sigma, 0);
+  EXPECT_EQ(exact.start_yaw_sigma, 0);
+  EXPECT_EQ(measured.start_position_sigma, 1);
+  EXPECT_EQ(measured.start_yaw_sigma, 0.1);
 }
 
 TEST(AgentConfig, StartsAreExactWhereGroundTruthTellsThem) {
