@@ -28,8 +28,12 @@ class CoveyProcess {
   explicit CoveyProcess(const std::vector<std::string>& arguments) {
     int ends[2];
     if (pipe2(ends, O_CLOEXEC) != 0) std::perror("pipe2");
-    pid_ = fork();
-    if (pid_ == 0) run(arguments, ends[1]);
+    std::vector<char*> argv{const_cast<char*>("covey")};
+    for (const std::string& argument : arguments)
+      argv.push_back(const_cast<char*>(argument.c_str()));
+    argv.push_back(nullptr);
+    pid_ = fork();  // all that allocates comes before: another thread may hold the allocator
+    if (pid_ == 0) run(argv, ends[1]);
     close(ends[1]);
     output_ = fdopen(ends[0], "r");
   }
@@ -65,13 +69,9 @@ class CoveyProcess {
   [[nodiscard]] const std::string& output() const { return text_; }
 
  private:
-  [[noreturn]] static void run(const std::vector<std::string>& arguments, int out) {
+  [[noreturn]] static void run(const std::vector<char*>& argv, int out) {
     dup2(out, STDOUT_FILENO);
     dup2(out, STDERR_FILENO);
-    std::vector<char*> argv{const_cast<char*>("covey")};
-    for (const std::string& argument : arguments)
-      argv.push_back(const_cast<char*>(argument.c_str()));
-    argv.push_back(nullptr);
     execv(COVEY_PROGRAM, argv.data());
     _exit(127);
   }

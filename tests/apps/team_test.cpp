@@ -421,7 +421,8 @@ TEST_F(Team, ClocksThatAreYearsApartHoldUpNoLockstep) {
     shift_stamps(dataset.path() / "uav1" / "mav0" / sensor / "data.csv", 1'700'000'000);
   CoveyProcess covey({"team", dataset.path(), "--out", run_});
   EXPECT_EQ(covey.finish(), 0) << covey.output();
-  for (const auto& [name, agent] : summary()["agents"].items())
+  const json agents = summary()["agents"];
+  for (const auto& [name, agent] : agents.items())
     EXPECT_EQ(agent["frames"], COVEY_TEST_FLIGHT_FRAMES) << name;
   EXPECT_THAT(file_content(fs::path(run_) / "report.html"), HasSubstr("since its own start"));
 }

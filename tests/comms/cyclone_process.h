@@ -41,12 +41,15 @@ class CycloneClient {
     argv.reserve(command.size() + 1);
     for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
     argv.push_back(nullptr);
-    pid_ = fork();
+    std::string for_cyclone = "CYCLONEDDS_URI=" + settings;
+    std::vector<char*> environment{for_cyclone.data()};  // the first of a name counts
+    for (char** at = environ; *at != nullptr; ++at) environment.push_back(*at);
+    environment.push_back(nullptr);
+    pid_ = fork();  // all that allocates comes before: another thread may hold the allocator
     if (pid_ == 0) {
       dup2(in[0], STDIN_FILENO);
       dup2(out[1], STDOUT_FILENO);
-      setenv("CYCLONEDDS_URI", settings.c_str(), 1);
-      execv(argv.front(), argv.data());
+      execve(argv.front(), argv.data(), environment.data());
       _exit(127);
     }
     close(in[0]);
