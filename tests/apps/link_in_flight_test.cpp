@@ -5,15 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <csignal>
-#include <functional>
 #include <nlohmann/json.hpp>
-#include <thread>
 
 #include "apps/agent.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
+#include "tests/comms/eventually.h"
 
 namespace covey {
 namespace {
@@ -21,15 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::HasSubstr;
-
-bool eventually(const std::function<bool()>& test) {
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (!test()) {
-    if (std::chrono::steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return true;
-}
 
 // Not when nobody has waited for its end yet.
 bool runs(pid_t process) {

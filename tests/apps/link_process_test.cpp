@@ -11,7 +11,6 @@
 
 #include <csignal>
 #include <functional>
-#include <thread>
 #include <vector>
 
 #include "apps/child_process.h"
@@ -20,6 +19,7 @@
 #include "apps/stop_signal.h"
 #include "comms/peer_link.h"
 #include "tests/apps/covey_process.h"
+#include "tests/comms/eventually.h"
 #include "tests/comms/samples.h"
 #include "tests/comms/taken_port.h"
 #include "tests/comms/team_config.h"
@@ -105,16 +105,6 @@ AgentConfig drone(const std::string& name) {
   config.link = team_config(name);
   config.link.max_memory_mib = 1024;  // sanitizers need much
   return config;
-}
-
-// Whether it became true before patience ended.
-bool eventually(const std::function<bool()>& test) {
-  const auto deadline = steady_clock::now() + kPatience;
-  while (!test()) {
-    if (steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(milliseconds(2));
-  }
-  return true;
 }
 
 std::optional<pid_t> process_of(const std::string& drone) {

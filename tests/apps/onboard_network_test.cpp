@@ -6,23 +6,21 @@
 #include <sched.h>
 
 #include <chrono>
-#include <functional>
 #include <memory>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "apps/drone_network.h"
 #include "comms/datagram_socket.h"
 #include "comms/onboard_link.h"
 #include "tests/comms/cyclone_process.h"
+#include "tests/comms/eventually.h"
 #include "tests/comms/samples.h"
 
 namespace covey {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::steady_clock;
 
 constexpr int kDomain = 0;
 const std::string kOwnSettings;  // of Cyclone DDS: none
@@ -37,15 +35,6 @@ NetworkModel two_computers() {
   NetworkModel model;
   model.drones = 2;
   return model;
-}
-
-bool eventually(const std::function<bool()>& true_by_now) {
-  const auto deadline = steady_clock::now() + kPatience;
-  while (!true_by_now()) {
-    if (steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(milliseconds(2));
-  }
-  return true;
 }
 
 class OnboardNetwork : public testing::Test {

@@ -7,16 +7,15 @@
 #include <gtest/gtest.h>
 
 #include <condition_variable>
-#include <functional>
 #include <memory>
 #include <mutex>
-#include <thread>
 #include <vector>
 
 #include "comms/datagram_socket.h"
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
 #include "comms/sensor_player.h"
+#include "tests/comms/eventually.h"
 #include "tests/comms/samples.h"
 #include "tests/comms/team_config.h"
 
@@ -24,7 +23,6 @@ namespace covey {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::steady_clock;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
 
@@ -34,15 +32,6 @@ OnboardConfig onboard_config() {
   config.reliable = true;
   config.px4_topic = "/fmu/in/vehicle_visual_odometry";
   return config;
-}
-
-bool eventually(const std::function<bool()>& true_by_now) {
-  const auto deadline = steady_clock::now() + kPatience;
-  while (!true_by_now()) {
-    if (steady_clock::now() > deadline) return false;
-    std::this_thread::sleep_for(milliseconds(2));
-  }
-  return true;
 }
 
 CameraImage image(TimeNs stamp_ns) {
