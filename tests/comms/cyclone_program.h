@@ -3,9 +3,6 @@
 // What programs of tests that speak with Cyclone DDS have in common.
 #pragma once
 
-#include <poll.h>
-#include <unistd.h>
-
 #include <array>
 #include <cstddef>
 #include <iostream>
@@ -14,6 +11,7 @@
 #include <string>
 
 #include "dds/dds.h"
+#include "tests/comms/input_ended.h"
 
 namespace covey {
 
@@ -39,11 +37,5 @@ void for_each(dds_entity_t reader, const Handle& handle) {
 
 // One line for the test.
 inline void tell(const nlohmann::json& line) { std::cout << line.dump() << std::endl; }
-
-inline bool input_ended(int patience_ms) {
-  pollfd input{STDIN_FILENO, POLLIN, 0};
-  char byte = 0;
-  return poll(&input, 1, patience_ms) > 0 && read(STDIN_FILENO, &byte, 1) <= 0;
-}
 
 }  // namespace covey

@@ -7,8 +7,6 @@
 //   covey_ordinary_driver DOMAIN ADDRESS     looks for others there as well
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
-#include <poll.h>
-#include <unistd.h>
 
 #include <cstdlib>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
@@ -27,6 +25,7 @@
 #include "comms/byte_type.h"
 #include "comms/onboard_topics.h"
 #include "comms/participant_deleter.h"
+#include "tests/comms/input_ended.h"
 
 namespace covey {
 namespace {
@@ -110,12 +109,6 @@ class Driver {
   TimeNs stamp_ns_ = 5'000'000'000;
 };
 
-bool input_ended() {
-  pollfd input{STDIN_FILENO, POLLIN, 0};
-  char byte = 0;
-  return poll(&input, 1, kPeriod_ms) > 0 && read(STDIN_FILENO, &byte, 1) <= 0;
-}
-
 }  // namespace
 }  // namespace covey
 
@@ -124,7 +117,7 @@ int main(int argc, char** argv) {
   try {
     covey::Driver driver(std::atoi(argv[1]), argc == 3 ? argv[2] : "");
     std::cout << R"({"topic":"ready"})" << std::endl;
-    while (!covey::input_ended()) {
+    while (!covey::input_ended(covey::kPeriod_ms)) {
       driver.say();
       driver.hear();
     }
