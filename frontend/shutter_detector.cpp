@@ -40,7 +40,7 @@ template <typename Pixel>
 double noise_of(const cv::Mat& image) {
   constexpr double kPerMedian = 1.048;  // 1 / (0.6745 sqrt(2))
   std::vector<std::uint16_t> steps;
-  steps.reserve(image.total() / (kStep * kStep) + 1);
+  steps.reserve(image.total() / kStep / kStep + 1);
   for (int y = kStep / 2; y < image.rows; y += kStep) {
     const Pixel* row = image.ptr<Pixel>(y);
     for (int x = kStep / 2; x + 1 < image.cols; x += kStep) {
