@@ -13,13 +13,13 @@
 #include <vector>
 
 #include "apps/earlier_flight.h"
+#include "apps/flight_findings.h"
 #include "apps/json_file.h"
 #include "apps/link_process.h"
 #include "apps/start_doubt.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
 #include "comms/peer_link.h"
-#include "estimator/initializer.h"
 
 namespace covey {
 namespace {
@@ -565,83 +565,6 @@ AgentSummary Agent::summary() const {
   return summary;
 }
 
-// Why peers' requests and messages came to nothing: for those who tune the exchange.
-nlohmann::json Agent::exchange_details() const {
-  nlohmann::json details;
-  const LinkStatistics statistics = link_->statistics();
-  details["rejected_by_link"] = statistics.rejected;
-  details["refused_by_link"] = statistics.refused;
-  details["dropped_by_load"] = statistics.dropped;
-  details["inbox_dropped"] = statistics.inbox_dropped;
-  details["landmarks"] = {{"fused", pipeline_.peer_landmarks().used},
-                          {"gated", pipeline_.peer_landmarks().gated},
-                          {"unknown_track", pipeline_.peer_landmarks().unknown_track},
-                          {"invalid", pipeline_.peer_landmarks().invalid},
-                          {"uninformative", pipeline_.peer_landmarks().uninformative}};
-  const CollaboratorReport report = pipeline_.collaboration().value_or(CollaboratorReport());
-  details["requests"] = {{"received", report.adverts_received},
-                         {"answered", report.answered},
-                         {"unexpected", pipeline_.unexpected_questions()},
-                         {"malformed", report.advert_malformed},
-                         {"other_vocabulary", report.advert_other_vocabulary},
-                         {"unknown_asker", report.advert_unknown_asker},
-                         {"unknown_place", report.advert_unknown_place},
-                         {"too_soon", report.advert_too_soon}};
-  details["messages"] = {{"received", report.keyframes_received},
-                         {"matched", report.matched},
-                         {"landmark_pairs", report.landmark_pairs},
-                         {"learned_from", peer_counts_.learned}};
-  for (std::size_t i = 0; i < kNoMatchReasons; ++i) {
-    details["messages"]["no_match"][to_string(static_cast<NoMatchReason>(i))] = report.no_match[i];
-  }
-  return details;
-}
-
-namespace {
-
-nlohmann::json level_frame_json(const Eigen::Isometry3d& frame) {
-  const Eigen::Vector3d& p = frame.translation();
-  const double yaw = heading_of(Eigen::Quaterniond(frame.linear()));
-  return {{"position_m", {p.x(), p.y(), p.z()}}, {"yaw_deg", yaw * 180 / M_PI}};
-}
-
-nlohmann::json numbers(const Eigen::VectorXd& v) {
-  return std::vector<double>(v.data(), v.data() + v.size());
-}
-
-nlohmann::json calibration_json(const FoundCalibration& found) {
-  const CameraIntrinsics& camera = found.camera;
-  const Eigen::Vector4d focal(camera.fx, camera.fy, camera.fx, camera.fy);
-  constexpr double kDegrees = 180 / M_PI;
-  return {{"time_offset_s", found.extrinsics.time_offset_s},
-          {"time_offset_sigma_s", found.sigma.time_offset_s},
-          {"p_imu_cam_m", numbers(found.extrinsics.p_imu_cam)},
-          {"p_imu_cam_sigma_m", numbers(found.sigma.p_imu_cam)},
-          {"q_imu_cam_xyzw", numbers(found.extrinsics.q_imu_cam.coeffs())},
-          {"q_imu_cam_sigma_deg", numbers(kDegrees * found.sigma.theta_imu_cam)},
-          {"intrinsics_px", {camera.fx, camera.fy, camera.cx, camera.cy}},
-          {"intrinsics_sigma_px", numbers(focal.cwiseProduct(found.sigma.intrinsics.head<4>()))},
-          {"distortion", found.camera.distortion},
-          {"k1_k2_sigma", numbers(found.sigma.intrinsics.tail<2>())}};
-}
-
-// In the own world, those that have been found.
-nlohmann::json peer_worlds(const DriftFilter& team) {
-  nlohmann::json json = nlohmann::json::object();
-  for (const std::string& peer : team.peers()) {
-    const auto alignment = team.alignment_at_start(peer);
-    if (!alignment) continue;
-    nlohmann::json& entry = json[peer] = level_frame_json(alignment->T_own_peer);
-    const Eigen::Vector3d& at = alignment->p_peer;
-    entry["at_m"] = {at.x(), at.y(), at.z()};
-    entry["position_sigma_m"] = alignment->position_sigma;
-    entry["yaw_sigma_deg"] = alignment->yaw_sigma * 180 / M_PI;
-  }
-  return json;
-}
-
-}  // namespace
-
 LostLines Agent::lost_lines() const {
   LostLines lost = odometry_file_.lost_lines();
   lost.merge(timing_file_.lost_lines());
@@ -672,15 +595,13 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   AgentSummary told = summary();
   told.incomplete = incomplete;
   nlohmann::json json = to_json(told);
-  if (link_) json["exchange_details"] = exchange_details();
-  json["camera"] = calibration_json(pipeline_.found_calibration());
-  json["camera"]["line_delay_found_s"] = nullptr;
-  if (const auto found_s = pipeline_.line_delay_found_s())
-    json["camera"]["line_delay_found_s"] = *found_s;
-  json["camera"]["at_start"] = calibration_json(pipeline_.calibration_at_start());
+  if (link_) {
+    json["exchange_details"] = exchange_json(pipeline_, link_->statistics(), peer_counts_.learned);
+  }
+  json["camera"] = camera_json(pipeline_);
   json["own_world"] = level_frame_json(pipeline_.own_world());
   if (pipeline_.team_knowledge() != nullptr) {
-    json["peer_worlds"] = peer_worlds(*pipeline_.team_knowledge());
+    json["peer_worlds"] = peer_worlds_json(*pipeline_.team_knowledge());
   }
   json["filter"] = {{"msckf_used", filter_.msckf_used},
                     {"msckf_gated", filter_.msckf_gated},

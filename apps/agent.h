@@ -123,7 +123,6 @@ class Agent {
   [[nodiscard]] LostLines lost_lines() const;
   void keep_field() const;
   [[nodiscard]] AgentSummary summary() const;
-  [[nodiscard]] nlohmann::json exchange_details() const;
 
   AgentConfig config_;
   Dataset dataset_;

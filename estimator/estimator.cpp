@@ -118,6 +118,7 @@ struct Estimator::Impl {
   std::optional<ImuInterval> propagate(TimeNs stamp_ns, UpdateReport& report);
   Eigen::Vector3d turn_rate(TimeNs stamp_ns) const;
   double usual_depth() const;
+  void stand_still(const ImuInterval& interval, UpdateReport& report);
   bool is_newest(TimeNs image_stamp_ns) const;
   bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
@@ -207,6 +208,20 @@ double Estimator::Impl::usual_depth() const {
     if (landmark.inverse_depth.z() > 0) depths.push_back(1 / landmark.inverse_depth.z());
   }
   return depths.empty() ? 0 : median(std::move(depths));
+}
+
+// If it does, as far as tracks and IMU show.
+void Estimator::Impl::stand_still(const ImuInterval& interval, UpdateReport& report) {
+  const std::optional<double> apparent_speed = stillness.speed_if_still(config);
+  if (!apparent_speed) return;
+  const TimeNs stamp_ns = state->imu().stamp_ns;
+  if (!inertially_still(imu.last(stamp_ns, config.still_window_s), config,
+                        state->imu().gyro_bias)) {
+    return;
+  }
+  report.zero_velocity = update_zero_velocity(*state, *still_update, interval.samples,
+                                              usual_depth() * *apparent_speed, config);
+  if (report.zero_velocity) glimpsed.reset();
 }
 
 // Of the images that have come so far, by their own clock.
@@ -543,14 +558,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   self.end_waiting(measurement.stamp_ns, report);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
-  if (self.config.zero_velocity_updates && interval && self.stillness.visually_still(self.config) &&
-      inertially_still(self.imu.last(stamp_ns, self.config.still_window_s), self.config,
-                       self.state->imu().gyro_bias)) {
-    const double unseen_speed = self.usual_depth() * self.stillness.apparent_speed();
-    report.zero_velocity = update_zero_velocity(*self.state, *self.still_update, interval->samples,
-                                                unseen_speed, self.config);
-    if (report.zero_velocity) self.glimpsed.reset();
-  }
+  if (self.config.zero_velocity_updates && interval) self.stand_still(*interval, report);
   const bool keyframe = self.becomes_keyframe(measurement.stamp_ns, tracks);
   const Eigen::Vector3d rate = self.turn_rate(stamp_ns);
   const auto clone = [&](State& state) {

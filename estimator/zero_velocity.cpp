@@ -115,17 +115,20 @@ void StillnessDetector::add_image(TimeNs stamp_ns, const TrackList& tracks,
   }
 }
 
-bool StillnessDetector::visually_still(const EstimatorConfig& config) const {
-  if (window_.size() < 2 || window_.back().tracks.empty()) return false;
+std::optional<double> StillnessDetector::speed_if_still(const EstimatorConfig& config) const {
+  if (window_.size() < 2 || window_.back().tracks.empty()) return std::nullopt;
   const Image& first = window_.front();
   const Image& last = window_.back();
-  if (seconds_between(first.stamp_ns, last.stamp_ns) < config.still_window_s) return false;
+  if (seconds_between(first.stamp_ns, last.stamp_ns) < config.still_window_s) return std::nullopt;
   const Eigen::Matrix3d R_first_last = fitted_rotation(first.tracks, last.tracks);
   const ViewChange change = turned_views(first.tracks, last.tracks, R_first_last);
   const double noise = motion_by_noise(last.tracks);
-  return enough(change, last.tracks) &&
-         change.parallax < std::hypot(config.still_parallax, noise) &&
-         motion_seen() < std::hypot(config.still_drift, noise);
+  if (!enough(change, last.tracks)) return std::nullopt;
+  if (!(change.parallax < std::hypot(config.still_parallax, noise))) return std::nullopt;
+  const double motion = motion_seen();
+  if (!(motion < std::hypot(config.still_drift, noise))) return std::nullopt;
+  const TimeNs since_ns = std::min(past_.front().stamp_ns, first.stamp_ns);
+  return motion / seconds_between(since_ns, last.stamp_ns);
 }
 
 double StillnessDetector::motion_seen() const {
@@ -136,11 +139,6 @@ double StillnessDetector::motion_seen() const {
     if (enough(change, last)) most = std::max(most, change.parallax);
   }
   return most;
-}
-
-double StillnessDetector::apparent_speed() const {
-  const double seen_s = seconds_between(past_.front().stamp_ns, window_.back().stamp_ns);
-  return seen_s > 0 ? motion_seen() / seen_s : 0;
 }
 
 StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include "estimator/ekf_update.h"
@@ -23,14 +24,12 @@ namespace covey {
 class StillnessDetector {
  public:
   void add_image(TimeNs stamp_ns, const TrackList& tracks, const EstimatorConfig& config);
-  // Needs a whole window of images. Median motion of shared tracks over it, rotation taken out,
-  // below `still_parallax`; and since each image kept of the last seconds, as it was seen, below
-  // `still_drift`: above level ground flying sideways looks like turning, but who hovers comes
-  // back.
-  [[nodiscard]] bool visually_still(const EstimatorConfig& config) const;
-  // How fast tracks have moved over these seconds, 1/s on the normalised plane: a drone that is
-  // still may fly as fast as that, times the depth.
-  [[nodiscard]] double apparent_speed() const;
+  // Nothing unless the tracks stood still: median motion of shared tracks over a whole window of
+  // images, rotation taken out, below `still_parallax`; and since each image kept of the last
+  // seconds, as it was seen, below `still_drift`: above level ground flying sideways looks like
+  // turning, but who hovers comes back. If they did, how fast they have moved all the same over
+  // these seconds, 1/s on the normalised plane: the drone may fly as fast as that, times the depth.
+  [[nodiscard]] std::optional<double> speed_if_still(const EstimatorConfig& config) const;
   void clear() { *this = {}; }
 
  private:

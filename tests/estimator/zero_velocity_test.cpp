@@ -105,20 +105,20 @@ TrackList grid(double sigma) {
 }
 
 TEST(StillnessDetector, TellsStandingFromMoving) {
-  EXPECT_TRUE(watched(0, grid(1e-4)).visually_still(config()));
-  EXPECT_TRUE(watched(0.001, grid(1e-4)).visually_still(config())) << "0.0004 in a window";
-  EXPECT_FALSE(watched(0.01, grid(1e-4)).visually_still(config()));
-  EXPECT_TRUE(watched(0.01, grid(1e-2)).visually_still(config())) << "may be noise";
+  EXPECT_TRUE(watched(0, grid(1e-4)).speed_if_still(config()));
+  EXPECT_TRUE(watched(0.001, grid(1e-4)).speed_if_still(config())) << "0.0004 in a window";
+  EXPECT_FALSE(watched(0.01, grid(1e-4)).speed_if_still(config()));
+  EXPECT_TRUE(watched(0.01, grid(1e-2)).speed_if_still(config())) << "may be noise";
 }
 
 TEST(StillnessDetector, NeedsAWindowOfImagesWithTracks) {
   StillnessDetector detector;
-  EXPECT_FALSE(detector.visually_still(config()));
+  EXPECT_FALSE(detector.speed_if_still(config()));
   for (const double time_s : {0.0, 0.1, 0.2}) {
     detector.add_image(nanoseconds(time_s), grid(1e-4), config());
   }
-  EXPECT_FALSE(detector.visually_still(config())) << "too short";
-  EXPECT_FALSE(watched(0, {}).visually_still(config())) << "nothing to be seen";
+  EXPECT_FALSE(detector.speed_if_still(config())) << "too short";
+  EXPECT_FALSE(watched(0, {}).speed_if_still(config())) << "nothing to be seen";
 }
 
 // Above level ground, so high that a small step sideways looks like a turn.
@@ -135,18 +135,18 @@ TEST(StillnessDetector, FlyingSidewaysAboveLevelGroundIsNotHovering) {
     flies.add_image(nanoseconds(time_s), at(0.02 * time_s), config());
     hovers.add_image(nanoseconds(time_s), at(0.005 * std::sin(5 * time_s)), config());
   }
-  EXPECT_FALSE(flies.visually_still(config()));
-  EXPECT_TRUE(hovers.visually_still(config()));
+  EXPECT_FALSE(flies.speed_if_still(config()));
+  EXPECT_TRUE(hovers.speed_if_still(config()));
   EstimatorConfig anywhere = config();
   anywhere.still_drift = 1;
-  EXPECT_TRUE(flies.visually_still(anywhere)) << "which is what this is about";
+  EXPECT_TRUE(flies.speed_if_still(anywhere)) << "which is what this is about";
 }
 
 // The first of the tracks is much less sure than all others.
 TEST(StillnessDetector, OneTrackDoesNotSpeakForTheNoiseOfAll) {
   TrackList tracks = grid(1e-4);
   tracks.front().covariance *= 1e4;
-  EXPECT_FALSE(watched(0.01, tracks).visually_still(config()));
+  EXPECT_FALSE(watched(0.01, tracks).speed_if_still(config()));
 }
 
 }  // namespace
