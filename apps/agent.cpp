@@ -147,10 +147,6 @@ Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
   if (!dataset_.images.empty()) first_ns_ = dataset_.images.front().stamp_ns;
 }
 
-cv::Mat Agent::read(const ImageEntry& image) const {
-  return read_image(image, dataset_.camera.width, dataset_.camera.height);
-}
-
 // Those that images have used are gone but for the last two, about the image; without images the
 // oldest go.
 void Agent::add_imu(const std::vector<ImuSample>& samples) {

@@ -59,7 +59,7 @@ class Agent {
   [[nodiscard]] const AgentConfig& config() const { return config_; }
   [[nodiscard]] const std::vector<ImageEntry>& images() const { return dataset_.images; }
   [[nodiscard]] const std::vector<std::string>& warnings() const { return dataset_.warnings; }
-  [[nodiscard]] cv::Mat read(const ImageEntry& image) const;
+  [[nodiscard]] const CameraIntrinsics& camera() const { return dataset_.camera; }  // as recorded
 
   // Of a live flight, in time order. With them the motion is told, if that is to be more often than
   // at each image.

@@ -4,7 +4,6 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <exception>
@@ -15,6 +14,7 @@
 
 #include "apps/agent.h"
 #include "apps/bounded_queue.h"
+#include "apps/image_reader.h"
 #include "apps/live_flight.h"
 #include "apps/stop_signal.h"
 
@@ -32,31 +32,12 @@ struct TimedImage {
   double read_ms = 0;
 };
 
-// Reads a recording's images. Those of damaged files are left out and counted, as those that a
-// camera in the air has lost.
-class ImageReader {
- public:
-  explicit ImageReader(const Agent& agent) : agent_(agent) {}
-
-  // Nothing if the file cannot be read.
-  [[nodiscard]] std::optional<TimedImage> read(const ImageEntry& image) {
-    const double start_ms = thread_cpu_ms();
-    try {
-      TimedImage read{image.stamp_ns, agent_.read(image), 0};
-      read.read_ms = thread_cpu_ms() - start_ms;
-      return read;
-    } catch (const std::runtime_error& error) {
-      if (left_out_++ == 0)
-        spdlog::warn("{}: left out, as are others that cannot be read", error.what());
-      return {};
-    }
-  }
-  [[nodiscard]] std::uint64_t left_out() const { return left_out_; }
-
- private:
-  const Agent& agent_;
-  std::atomic<std::uint64_t> left_out_ = 0;  // told while another thread reads
-};
+std::optional<TimedImage> read_timed(ImageReader& reader, const ImageEntry& image) {
+  const double start_ms = thread_cpu_ms();
+  const std::optional<cv::Mat> pixels = reader.read(image);
+  if (!pixels) return std::nullopt;
+  return TimedImage{image.stamp_ns, *pixels, thread_cpu_ms() - start_ms};
+}
 
 // The team's end of the channel; absent when the drone flies by itself.
 class Control {
@@ -119,7 +100,7 @@ struct Flight {
 std::size_t fly_until(const Flight& flight, std::size_t next, TimeNs until_ns) {
   const std::vector<ImageEntry>& images = flight.agent.images();
   while (next < images.size() && images[next].stamp_ns <= until_ns && flight.control.goes_on()) {
-    const std::optional<TimedImage> image = flight.reader.read(images[next++]);
+    const std::optional<TimedImage> image = read_timed(flight.reader, images[next++]);
     flight.agent.set_dropped(flight.reader.left_out());
     if (image) flight.agent.fly(image->stamp_ns, image->pixels, image->read_ms);
     flight.control.show_progress(flight.agent);
@@ -166,7 +147,7 @@ bool fly_as_fast_as_possible(const Flight& flight) {
   if (!wait_for_go(agent, control)) return false;
   for (const ImageEntry& entry : agent.images()) {
     if (!control.goes_on()) return false;
-    const std::optional<TimedImage> image = reader.read(entry);
+    const std::optional<TimedImage> image = read_timed(reader, entry);
     agent.set_dropped(reader.left_out());
     agent.take_inbox();
     agent.handle_messages();
@@ -209,7 +190,7 @@ class ClockReader {
       for (const ImageEntry& entry : agent_.images()) {
         if (born_ms_ - due_ms(entry.stamp_ns) > kTooLate_ms) continue;
         if (!wait_until_due(entry.stamp_ns)) break;
-        std::optional<TimedImage> image = reader_.read(entry);
+        std::optional<TimedImage> image = read_timed(reader_, entry);
         if (image && !queue_.push_drop_oldest(std::move(*image))) break;
       }
     } catch (...) {
@@ -328,7 +309,7 @@ bool fly_recording(const AgentConfig& config, Control& control) {
   Agent agent(config);
   for (const std::string& warning : agent.warnings()) spdlog::warn("{}", warning);
   control.say(ready_reply(agent.images()));
-  ImageReader reader(agent);
+  ImageReader reader(agent.camera());
   const bool complete = meet_peers(agent, control) && fly({agent, reader, control});
   const AgentSummary summary =
       agent.finish(complete ? std::nullopt : std::optional<std::string>("was stopped"));

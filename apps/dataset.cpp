@@ -313,9 +313,6 @@ cv::Mat read_image(const ImageEntry& image, int width, int height) {
   return pixels;
 }
 
-namespace {
-
-// Damaged ones are left out when it is flown. Throws what is wrong with the last, if all are.
 cv::Mat first_readable(const Dataset& dataset) {
   const std::vector<ImageEntry>& images = dataset.images;
   for (std::size_t i = 0;; ++i) {
@@ -327,8 +324,6 @@ cv::Mat first_readable(const Dataset& dataset) {
     }
   }
 }
-
-}  // namespace
 
 Dataset read_recording(const std::filesystem::path& mav0) {
   Dataset dataset = read_dataset(mav0);

@@ -77,6 +77,9 @@ struct Dataset {
 [[nodiscard]] std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns);
 [[nodiscard]] StampedPoses to_trajectory(const GroundTruth& truth);
 
+// The first that is not damaged. Throws what is wrong with the last, if all are.
+[[nodiscard]] cv::Mat first_readable(const Dataset& dataset);
+
 // Grey pixels, CV_8UC1 or CV_16UC1, of the camera's size; an error names the image.
 [[nodiscard]] cv::Mat read_image(const ImageEntry& image, int width, int height);
 

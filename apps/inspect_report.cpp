@@ -50,10 +50,7 @@ Json to_json(const InspectedFlight& flight, const Dataset& dataset) {
 
 // Of the recording, when it has one that images of 8 bits need not ask for.
 std::optional<double> kelvin_per_count(const InspectReport& report) {
-  const Dataset& dataset = report.inspection.dataset;
-  const cv::Mat first =
-      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
-  if (first.depth() != CV_16U) return std::nullopt;
+  if (first_readable(report.inspection.dataset).depth() != CV_16U) return std::nullopt;
   return ThermalSensor().raw_k_per_count;
 }
 
@@ -304,6 +301,7 @@ nlohmann::json inspect_summary(const InspectReport& report) {
                {"dataset", report.dataset},
                {"drone", report.drone},
                {"images", inspection.dataset.images.size()},
+               {"left_out", inspection.left_out},
                {"thermal", inspection.calibrated.has_value()},
                {"raw", to_json(inspection.raw, inspection.dataset)},
                {"calibrated", Json()},

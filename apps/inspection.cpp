@@ -7,10 +7,12 @@
 #include <cstdint>
 #include <deque>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <stdexcept>
 #include <unordered_map>
 #include <utility>
 
+#include "apps/image_reader.h"
 #include "apps/stop_signal.h"
 #include "estimator/median.h"
 
@@ -195,6 +197,7 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
   if (dataset.thermal) {
     calibrated.emplace(alone(config.agent, ThermalMode::kCalibrated, has_truth), dataset);
   }
+  ImageReader reader(dataset.camera);
   PhotometricLog log;
   const auto pictured = picture_indices(dataset.images.size(), config.pictures);
   std::size_t next_picture = 0;
@@ -202,12 +205,13 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
     if (stop_requested()) throw std::runtime_error("inspect: interrupted, nothing is written");
     show(i, dataset.images.size());
     const ImageEntry& image = dataset.images[i];
-    const cv::Mat pixels = read_image(image, dataset.camera.width, dataset.camera.height);
-    const ImageResult raw_result = raw.fly(image.stamp_ns, pixels);
+    const std::optional<cv::Mat> pixels = reader.read(image);
+    if (!pixels) continue;
+    const ImageResult raw_result = raw.fly(image.stamp_ns, *pixels);
     std::optional<ImageResult> result;
-    if (calibrated) result = calibrated->fly(image.stamp_ns, pixels);
+    if (calibrated) result = calibrated->fly(image.stamp_ns, *pixels);
     const bool scene = (result ? *result : raw_result).content == ImageContent::kScene;
-    if (result) log.add(*result, pixels, *calibrated->calibration());
+    if (result) log.add(*result, *pixels, *calibrated->calibration());
     if (!scene) continue;
     if (i % kHistogramInterval == 0) {
       raw.count_corners();
@@ -226,6 +230,7 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
     inspection.calibrated = calibrated->finished();
     inspection.pixel_lag_s = calibrated->pixel_lag_s();
   }
+  inspection.left_out = reader.left_out();
   log.move_into(inspection);
   return inspection;
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -58,6 +59,7 @@ struct InspectedFlight {
 
 struct Inspection {
   Dataset dataset;
+  std::uint64_t left_out = 0;  // images that cannot be read
   InspectedFlight raw;
   std::optional<InspectedFlight> calibrated;  // of a thermal camera
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene

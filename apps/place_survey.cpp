@@ -11,6 +11,7 @@
 
 #include "apps/camera_pose.h"
 #include "apps/grey_image.h"
+#include "apps/image_reader.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/tracker.h"
 
@@ -56,6 +57,7 @@ class Surveyor {
       : name_(drone.name),
         dataset_(dataset),
         interval_ns_(nanoseconds(interval_s)),
+        reader_(dataset.camera),
         tracker_(TrackerConfig(), dataset.camera, dataset.mask) {
     if (is_calibrated(thermal, dataset.thermal)) {
       calibration_.emplace(PhotometricConfig(),
@@ -98,9 +100,11 @@ class Surveyor {
   }
 
  private:
-  // Empty where a thermal camera sees nothing.
+  // Empty where a thermal camera sees nothing, and where the image cannot be read.
   cv::Mat prepared(const ImageEntry& image, const Eigen::Matrix3d& R_cam_previous) {
-    const cv::Mat pixels = read_image(image, dataset_.camera.width, dataset_.camera.height);
+    const std::optional<cv::Mat> read = reader_.read(image);
+    if (!read) return {};
+    const cv::Mat& pixels = *read;
     if (!calibration_) return to_grey8(pixels);
     return calibration_
         ->correct(image.stamp_ns, pixels, tracker_.predict(image.stamp_ns, R_cam_previous))
@@ -125,6 +129,7 @@ class Surveyor {
   std::string name_;
   const Dataset& dataset_;
   TimeNs interval_ns_;
+  ImageReader reader_;
   Tracker tracker_;
   std::optional<PhotometricCalibration> calibration_;
   TimeNs next_view_ns_ = 0;

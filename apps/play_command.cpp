@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -15,6 +16,7 @@
 #include "apps/camera_pixels.h"
 #include "apps/config_file.h"
 #include "apps/dataset.h"
+#include "apps/image_reader.h"
 #include "apps/number_range.h"
 #include "apps/progress.h"
 #include "apps/stop_signal.h"
@@ -66,6 +68,7 @@ void play(const Dataset& recording, const OnboardConfig& onboard, const Options&
   }
   const PlayClock clock(std::min(recording.imu.front().stamp_ns, recording.images.front().stamp_ns),
                         options.rate);
+  ImageReader reader(recording.camera);
   Progress progress(recording.images.size());
   std::size_t played = 0, refused = 0, next_imu = 0;
   const auto play_imu_until = [&](TimeNs stamp_ns) {
@@ -76,9 +79,10 @@ void play(const Dataset& recording, const OnboardConfig& onboard, const Options&
   };
   for (const ImageEntry& entry : recording.images) {
     if (stop_requested()) break;
-    const CameraImage image = to_camera_image(
-        entry.stamp_ns, read_image(entry, recording.camera.width, recording.camera.height));
+    const std::optional<cv::Mat> pixels = reader.read(entry);
     play_imu_until(entry.stamp_ns);
+    if (!pixels) continue;
+    const CameraImage image = to_camera_image(entry.stamp_ns, *pixels);
     clock.wait_for(entry.stamp_ns);
     if (!player.play(image)) ++refused;
     progress.show(++played);
@@ -91,6 +95,7 @@ void play(const Dataset& recording, const OnboardConfig& onboard, const Options&
   (void)player.wait_until_received(kFarewell);
   std::printf("played %zu images and %zu IMU samples\n", played, next_imu);
   if (refused > 0) spdlog::warn("{} of them nobody took in time", refused);
+  if (reader.left_out() > 0) spdlog::warn("{} images were left out", reader.left_out());
 }
 
 void run(const Options& options) {

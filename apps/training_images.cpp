@@ -10,6 +10,7 @@
 #include "apps/camera_pose.h"
 #include "apps/dataset.h"
 #include "apps/grey_image.h"
+#include "apps/image_reader.h"
 #include "apps/png_file.h"
 #include "frontend/orb.h"
 #include "frontend/tracker.h"
@@ -72,9 +73,12 @@ std::vector<Item> spread(const std::vector<Item>& all, std::size_t count) {
 TrainingSet describe_drone(const DroneFolder& drone, std::size_t count) {
   const Dataset dataset = read_dataset(drone.mav0);
   const TimeNs offset_ns = nanoseconds(dataset.extrinsics.time_offset_s);
+  ImageReader reader(dataset.camera);
   TrainingSet set;
   for (const ImageEntry& image : spread(dataset.images, count)) {
-    const cv::Mat grey = to_grey8(read_image(image, dataset.camera.width, dataset.camera.height));
+    const std::optional<cv::Mat> pixels = reader.read(image);
+    if (!pixels) continue;
+    const cv::Mat grey = to_grey8(*pixels);
     if (!dataset.ground_truth) {
       add_upright(set, grey);
     } else if (const auto truth =

@@ -66,6 +66,22 @@ TEST(Inspect, KeepsOnlyTheLastFieldAsLargeAsTheImage) {
   EXPECT_EQ(inspection.fields.back().field.size(), cv::Size(640, 512));
 }
 
+// As a flight does.
+TEST(Inspect, LeavesOutImagesThatCannotBeRead) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 8 --out " + yard.string()),
+      "");
+  const std::vector<ImageEntry> images = read_dataset(yard / "uav0" / "mav0").images;
+  for (const std::size_t damaged : {0, 3}) fs::resize_file(images[damaged].path, 50);
+  ASSERT_EQ(complaint_of("inspect " + yard.string() + " --images 1 --out " + out.string()), "");
+  const nlohmann::json summary = read_json_file(out / "summary.json");
+  EXPECT_EQ(summary["images"], 8);
+  EXPECT_EQ(summary["left_out"], 2);
+  EXPECT_GT(summary["calibrated"]["tracks"]["mean_per_frame"], 100);
+}
+
 TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";

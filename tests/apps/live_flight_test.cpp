@@ -153,7 +153,7 @@ TEST_F(LiveFlight, TellsItsMotionBetweenImagesAsWell) {
   for (const ImageEntry& image : recording.images) {
     while (recording.imu[next].stamp_ns <= agent.imu_moment(image.stamp_ns) + kSample_ns)
       agent.add_imu({recording.imu[next++]});
-    agent.fly(image.stamp_ns, agent.read(image), 0);
+    agent.fly(image.stamp_ns, read_image(image, agent.camera().width, agent.camera().height), 0);
   }
   const TimeNs last = recording.imu[next - 1].stamp_ns - kSample_ns;
   while (newest() < last) std::this_thread::sleep_for(std::chrono::milliseconds(5));
