@@ -286,8 +286,12 @@ std::string legend(const RunSummary& run) {
         "RMSE of positions in m: as they stand (ATE none), position and yaw fitted (posyaw), SE3\n"
         "fitted (se3). NEES of the position: about 3 for a drone that is as wrong as it says.\n";
   }
-  if (run.mode == "collaborative")
-    text += "Questions asked, answers given; answers got, fused, gated, rejected.\n";
+  if (run.mode == "collaborative") {
+    text +=
+        "Questions asked, messages sent; messages got, and how many of them were answers that "
+        "were\n"
+        "fused, gated or rejected: the others tell what came of the drone's own answers.\n";
+  }
   return text;
 }
 
@@ -326,7 +330,7 @@ std::string team_table(const RunSummary& run, const RunSummary* alone) {
   if (alone != nullptr) table += fmt::format(" {:>9}", "se3 alone");
   table += fmt::format(" {:>8} {:>6} {:>9} {:>7}", "rot. deg", "NEES", "CPU ms/fr", "MiB");
   if (run.mode == "collaborative") {
-    table += fmt::format(" {:>9} {:>16}", "asked/ans", "got/fus/gat/rej");
+    table += fmt::format(" {:>9} {:>16}", "asked/sent", "got/fus/gat/rej");
   }
   table += "\n";
   for (const auto& [name, agent] : run.agents) {
