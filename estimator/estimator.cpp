@@ -2,8 +2,6 @@
 #include "estimator/estimator.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -11,10 +9,10 @@
 #include "estimator/imu_buffer.h"
 #include "estimator/imu_transition.h"
 #include "estimator/keyframe_policy.h"
-#include "estimator/median.h"
+#include "estimator/landmark_depths.h"
 #include "estimator/observation_model.h"
-#include "estimator/peer_update.h"
-#include "estimator/so3.h"
+#include "estimator/peer_fusion.h"
+#include "estimator/state_readout.h"
 #include "estimator/state_snapshot.h"
 #include "estimator/track_selection.h"
 #include "estimator/vision_update.h"
@@ -44,23 +42,6 @@ ImuState initial_imu(const InitialState& start) {
   return {start.stamp_ns, start.pose, start.v_world_imu, start.gyro_bias, start.accel_bias};
 }
 
-Odometry to_odometry(const CoreState& core) {
-  const ImuState& imu = core.imu;
-  const auto of = [&core](int row, int column) { return core.covariance.block<3, 3>(row, column); };
-  constexpr int kPosition = State::kPosition, kVelocity = State::kVelocity;
-  constexpr int kRotation = State::kRotation;
-  Odometry odometry;
-  odometry.stamp_ns = imu.stamp_ns;
-  odometry.pose = imu.pose;
-  odometry.v_world_imu = imu.v_world_imu;
-  odometry.gyro_bias = imu.gyro_bias;
-  odometry.accel_bias = imu.accel_bias;
-  odometry.pose_covariance << of(kPosition, kPosition), of(kPosition, kRotation),
-      of(kRotation, kPosition), of(kRotation, kRotation);
-  odometry.velocity_covariance = of(kVelocity, kVelocity);
-  return odometry;
-}
-
 // Before the start: how far back it may lie, behind the newest IMU sample.
 constexpr double kStartHistory_s = 10;
 // Who waits longer for the first visual update makes it with whatever there is: the IMU alone
@@ -70,35 +51,10 @@ constexpr double kStartPatience_s = 3;
 // have become too uncertain for one linearisation.
 constexpr double kLandmarksWait_s = 3;
 
-// Of a SLAM feature: standard deviation of its inverse depth over its value, relative to the scale,
-// and in metres.
-double depth_error(const State& state, int landmark) {
-  const int rho = state.landmark_offset(landmark) + 2;
-  return std::sqrt(state.covariance()(rho, rho)) /
-         state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
-}
-
-double metric_depth_error(const State& state, int landmark) {
-  const int rho = state.landmark_offset(landmark) + 2, scale = State::kScale;
-  const double value = state.landmarks()[static_cast<std::size_t>(landmark)].inverse_depth.z();
-  const auto P = state.covariance();
-  return std::sqrt(P(rho, rho) / (value * value) - 2 * P(rho, scale) / value + P(scale, scale));
-}
-
 // Of inverse depths, relative: from then on first estimates are kept.
 constexpr double kDepthsKnown = 0.01;
 // Of the visual scale, until it is made part of the state's again.
 constexpr double kScaleDrift = 0.01;
-
-std::optional<double> median_depth_error(const State& state) {
-  std::vector<double> errors;
-  errors.reserve(state.landmarks().size());
-  for (int i = 0; i < static_cast<int>(state.landmarks().size()); ++i) {
-    errors.push_back(depth_error(state, i));
-  }
-  if (errors.empty()) return std::nullopt;
-  return median(std::move(errors));
-}
 
 EstimatorConfig with_noise_in_flight(EstimatorConfig config) {
   config.imu_noise.gyro_density *= config.imu_noise_scale;
@@ -117,23 +73,17 @@ struct Estimator::Impl {
   void start(const State& initial);
   std::optional<ImuInterval> propagate(TimeNs stamp_ns, UpdateReport& report);
   Eigen::Vector3d turn_rate(TimeNs stamp_ns) const;
-  double usual_depth() const;
   void stand_still(const ImuInterval& interval, UpdateReport& report);
   bool is_newest(TimeNs image_stamp_ns) const;
   bool becomes_keyframe(TimeNs image_stamp_ns, const TrackList& tracks) const;
   void try_start(UpdateReport& report);
   // What is told of the motion.
   const State& told() const { return glimpsed ? glimpsed->state : *state; }
-  void thin_window(UpdateReport& report);
   void update(const TrackList& tracks, UpdateReport& report);
   void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
   void settle_depths();
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
-  std::vector<const Track*> matched_tracks(const KeyframeMatch& match) const;
-  SharedKeyframe shared_keyframe(const State& trial, const KeyframeMatch& match,
-                                 const std::vector<const Track*>& tracks, PeerReport& report);
-  PeerReport fuse(const KeyframeMatch& match);
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void apply(Remedy remedy, UpdateReport& report);
   void look_again(UpdateReport& report);
@@ -201,15 +151,6 @@ Eigen::Vector3d Estimator::Impl::turn_rate(TimeNs stamp_ns) const {
   return moment->gyro_imu - state->imu().gyro_bias;
 }
 
-// m, of landmarks; zero while none is known.
-double Estimator::Impl::usual_depth() const {
-  std::vector<double> depths;
-  for (const SlamLandmark& landmark : state->landmarks()) {
-    if (landmark.inverse_depth.z() > 0) depths.push_back(1 / landmark.inverse_depth.z());
-  }
-  return depths.empty() ? 0 : median(std::move(depths));
-}
-
 // If it does, as far as tracks and IMU show.
 void Estimator::Impl::stand_still(const ImuInterval& interval, UpdateReport& report) {
   const std::optional<double> apparent_speed = stillness.speed_if_still(config);
@@ -220,7 +161,7 @@ void Estimator::Impl::stand_still(const ImuInterval& interval, UpdateReport& rep
     return;
   }
   report.zero_velocity = update_zero_velocity(*state, *still_update, interval.samples,
-                                              usual_depth() * *apparent_speed, config);
+                                              median_depth(*state) * *apparent_speed, config);
   if (report.zero_velocity) glimpsed.reset();
 }
 
@@ -317,32 +258,6 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   for (const SlamLandmark& landmark : state->landmarks()) store.forget_track(landmark.track_id);
 }
 
-// Drops the keyframe without which the fewest tracks become too short, and of these the one whose
-// neighbours are closest in time: as long as tracks last, the window keeps its first view and
-// covers ever more motion.
-void Estimator::Impl::thin_window(UpdateReport& report) {
-  const auto& clones = state->clones();
-  const auto too_short = [&](const Clone& clone) {
-    return std::count_if(store.tracks().begin(), store.tracks().end(), [&](const Track& track) {
-      return track.observations.size() == kMinObservations && track.find(clone.id) != nullptr;
-    });
-  };
-  const auto span_s = [&](int index) {
-    const auto at = [&](int i) { return clones[static_cast<std::size_t>(i)].stamp_ns; };
-    return index == 0 ? std::numeric_limits<double>::infinity()
-                      : seconds_between(at(index - 1), at(index + 1));
-  };
-  int dropped = -1;
-  std::pair<std::ptrdiff_t, double> least;
-  for (int i = 0; i + 2 < static_cast<int>(clones.size()); ++i) {
-    const std::pair cost(too_short(clones[static_cast<std::size_t>(i)]), span_s(i));
-    if (dropped >= 0 && !(cost < least)) continue;
-    dropped = i;
-    least = cost;
-  }
-  if (dropped >= 0) drop_clone(dropped, report);
-}
-
 void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   const std::uint64_t clone_id = state->clones().back().id;
   store.begin_image();
@@ -360,7 +275,9 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
       store.drop_ended(kMinObservations);  // the others will help to start
     }
     marginalize(std::nullopt, report);
-    if (static_cast<int>(state->clones().size()) > config.max_clones) thin_window(report);
+    if (static_cast<int>(state->clones().size()) > config.max_clones) {
+      if (const auto view = dispensable_view(state->clones(), store)) drop_clone(*view, report);
+    }
     report.msckf_ms = now_ms() - start_ms;
     return;
   }
@@ -392,71 +309,6 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   store.drop_ended();
   marginalize(leaving, report);
   report.msckf_ms = now_ms() - msckf_start;
-}
-
-// Those that are no SLAM features and seen in the window, longest first.
-std::vector<const Track*> Estimator::Impl::matched_tracks(const KeyframeMatch& match) const {
-  std::vector<const Track*> tracks;
-  for (const LandmarkMatch& landmark : match.matches) {
-    const Track* track = store.find(landmark.track_id);
-    if (track != nullptr && !track->observations.empty()) tracks.push_back(track);
-  }
-  return longest_first(std::move(tracks), config.max_msckf_features);
-}
-
-// `tracks`: whose upper rows may be used.
-SharedKeyframe Estimator::Impl::shared_keyframe(const State& trial, const KeyframeMatch& match,
-                                                const std::vector<const Track*>& tracks,
-                                                PeerReport& report) {
-  SharedKeyframe keyframe;
-  keyframe.other = match.other;
-  keyframe.T_world_other = match.own.T_world_cam * match.T_other_own.inverse();
-  for (const LandmarkMatch& pair : match.matches) {
-    std::optional<SharedLandmark> landmark = landmark_of(pair);
-    if (!landmark) {
-      ++report.uninformative;
-      continue;
-    }
-    const int index = trial.find_landmark(pair.track_id);
-    const auto track = std::find_if(tracks.begin(), tracks.end(), [&](const Track* candidate) {
-      return candidate->id == pair.track_id;
-    });
-    std::optional<LandmarkRows> rows;
-    if (index >= 0) {
-      rows = rows_of(trial, index);
-    } else if (track != tracks.end()) {
-      rows = vision->upper_rows(trial, **track, keyframe.T_world_other * landmark->p_other);
-    }
-    if (!rows) {
-      ++report.unknown_track;
-      continue;
-    }
-    landmark->own = *rows;
-    keyframe.landmarks.push_back(*landmark);
-  }
-  return keyframe;
-}
-
-// On a copy, because a track whose rows are used must not be used again: it is only worth it when
-// the peer helps. A peer speaks of metres.
-PeerReport Estimator::Impl::fuse(const KeyframeMatch& match) {
-  State trial = *state;
-  trial.merge_scale();
-  const std::vector<const Track*> tracks = matched_tracks(match);
-  UpdateReport null_space;
-  (void)vision->update_tracks(trial, tracks, {}, 0, null_space);
-  PeerReport report;
-  const SharedKeyframe keyframe = shared_keyframe(trial, match, tracks, report);
-  const PeerReport fused = update_from_peer(trial, keyframe, gate_peer);
-  report.used += fused.used;
-  report.gated += fused.gated;
-  report.invalid += fused.invalid;
-  report.uninformative += fused.uninformative;
-  if (report.used == 0) return report;
-  *state = std::move(trial);
-  if (seeing) state->separate_scale();
-  for (const Track* track : tracks) store.forget_observations(track->id);
-  return report;
 }
 
 // Older than the state, or the IMU does not reach it: the state stays where it is, but without IMU
@@ -608,12 +460,13 @@ PeerReport Estimator::add_peer(const KeyframeMatch& match) {
     report.unknown_track = static_cast<int>(match.matches.size());
     return report;
   }
-  return impl_->fuse(match);
+  return fuse_match({*impl_->state, impl_->store, *impl_->vision}, match, impl_->gate_peer,
+                    impl_->config.max_msckf_features);
 }
 
 Odometry Estimator::odometry() const {
   Odometry odometry;
-  if (impl_->state) odometry = to_odometry(impl_->told().core());
+  if (impl_->state) odometry = odometry_of(impl_->told().core());
   odometry.status = impl_->health.status();
   return odometry;
 }
@@ -625,40 +478,18 @@ Odometry Estimator::predicted(const std::vector<ImuSample>& samples) const {
     (void)buffer.add(sample, config.max_gyro, config.max_accel);
   if (!impl_->state || !buffer.covers(impl_->told().imu().stamp_ns + 1)) return odometry();
   const CoreState newest = impl_->told().core();
-  Odometry odometry = to_odometry(dead_reckoned(newest, buffer.since(newest.imu.stamp_ns), config));
+  Odometry odometry = odometry_of(dead_reckoned(newest, buffer.since(newest.imu.stamp_ns), config));
   odometry.status = impl_->health.status();
   return odometry;
 }
 
-std::optional<CameraEstimate> Estimator::camera() const {
-  if (!impl_->state || impl_->state->clones().empty()) return std::nullopt;
-  const State& state = impl_->told();
-  const CameraExtrinsics& extrinsics = state.extrinsics();
-  const Pose& imu = state.clones().back().pose;
-  const CameraPose camera = camera_pose(imu, extrinsics);
-  const Eigen::Matrix3d R = imu.q_world_imu.toRotationMatrix();
-  const Eigen::Matrix3d zero = Eigen::Matrix3d::Zero();
-  Matrix6d by_imu, by_extrinsics;
-  by_imu << Eigen::Matrix3d::Identity(), -R * skew(extrinsics.p_imu_cam), zero, R;
-  by_extrinsics << R, zero, zero, camera.R_world_cam;
-
-  const int clone = state.clone_offset(static_cast<int>(state.clones().size()) - 1);
-  const Eigen::MatrixXd P = state.metric_covariance(clone + 6);
-  Matrix6d covariance = by_imu * P.block<6, 6>(clone, clone) * by_imu.transpose();
-  if (const int at = state.extrinsics_offset(); at >= 0) {
-    const Matrix6d cross = by_extrinsics * P.block<6, 6>(at, clone) * by_imu.transpose();
-    covariance += cross + cross.transpose() +
-                  by_extrinsics * P.block<6, 6>(at, at) * by_extrinsics.transpose();
-  }
-  CameraEstimate estimate;
-  estimate.T_world_cam.linear() = camera.R_world_cam;
-  estimate.T_world_cam.translation() = camera.p_world_cam;
-  estimate.covariance = (covariance + covariance.transpose()) / 2;
-  return estimate;
-}
-
 FilterSnapshot Estimator::snapshot() const {
   return impl_->state ? snapshot_of(*impl_->state) : FilterSnapshot();
+}
+
+std::optional<CameraEstimate> Estimator::camera() const {
+  if (!impl_->state || impl_->state->clones().empty()) return std::nullopt;
+  return camera_of(impl_->told());
 }
 
 std::vector<TrackDepth> Estimator::depths() {
@@ -691,18 +522,7 @@ CameraExtrinsics Estimator::extrinsics() const {
 }
 
 CalibrationSigma Estimator::calibration_sigma() const {
-  CalibrationSigma sigma;
-  if (!impl_->state) return sigma;
-  const State& state = *impl_->state;
-  const Eigen::VectorXd sigmas = state.covariance().diagonal().cwiseSqrt();
-  if (const int at = state.extrinsics_offset(); at >= 0) {
-    sigma.p_imu_cam = sigmas.segment<3>(at);
-    sigma.theta_imu_cam = sigmas.segment<3>(at + 3);
-  }
-  if (const int at = state.time_offset_offset(); at >= 0) sigma.time_offset_s = sigmas[at];
-  if (const int at = state.intrinsics_offset(); at >= 0)
-    sigma.intrinsics = sigmas.segment<kIntrinsicsSize>(at);
-  return sigma;
+  return impl_->state ? calibration_sigma_of(*impl_->state) : CalibrationSigma();
 }
 
 IntrinsicsError Estimator::intrinsics_error() const {

@@ -2,9 +2,12 @@
 #include "estimator/keyframe_policy.h"
 
 #include <algorithm>
+#include <cstddef>
+#include <limits>
 #include <utility>
 
 #include "estimator/median.h"
+#include "estimator/vision_update.h"
 
 namespace covey {
 
@@ -38,6 +41,28 @@ ViewChange compare_views(const TrackList& reference, const CameraPose& reference
 bool is_new_view(const EstimatorConfig& config, const ViewChange& change, double age_s) {
   return change.parallax > config.keyframe_parallax || change.shared < config.keyframe_min_shared ||
          age_s > config.keyframe_max_age_s;
+}
+
+std::optional<int> dispensable_view(const std::vector<Clone>& clones, const TrackStore& store) {
+  const auto too_short = [&](const Clone& clone) {
+    return std::count_if(store.tracks().begin(), store.tracks().end(), [&](const Track& track) {
+      return track.observations.size() == kMinObservations && track.find(clone.id) != nullptr;
+    });
+  };
+  const auto span_s = [&](int index) {
+    const auto at = [&](int i) { return clones[static_cast<std::size_t>(i)].stamp_ns; };
+    return index == 0 ? std::numeric_limits<double>::infinity()
+                      : seconds_between(at(index - 1), at(index + 1));
+  };
+  std::optional<int> dispensable;
+  std::pair<std::ptrdiff_t, double> least;
+  for (int i = 0; i + 2 < static_cast<int>(clones.size()); ++i) {
+    const std::pair cost(too_short(clones[static_cast<std::size_t>(i)]), span_s(i));
+    if (dispensable && !(cost < least)) continue;
+    dispensable = i;
+    least = cost;
+  }
+  return dispensable;
 }
 
 }  // namespace covey

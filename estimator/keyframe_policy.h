@@ -4,9 +4,12 @@
 // the same view; a window of them has no baseline, and landmarks made from it no depth.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "estimator/observation_model.h"
+#include "estimator/state.h"
+#include "estimator/track_store.h"
 
 namespace covey {
 
@@ -27,5 +30,12 @@ using TrackList = std::vector<TrackObservation>;
 // Whether the present image becomes a keyframe; `age_s`: since the last one.
 [[nodiscard]] bool is_new_view(const EstimatorConfig& config, const ViewChange& change,
                                double age_s);
+
+// Of a window that holds too many views, the clone to be dropped: that without which the fewest
+// tracks become too short, and of these the one whose neighbours are closest in time. As long as
+// tracks last, the window keeps its first view and covers ever more motion. Never one of the two
+// newest; nothing if there are no others.
+[[nodiscard]] std::optional<int> dispensable_view(const std::vector<Clone>& clones,
+                                                  const TrackStore& store);
 
 }  // namespace covey
