@@ -124,13 +124,20 @@ void require_overlap(const Span& images, const Span& other, const std::string& w
                            std::to_string(images.last_ns) + " ns: are both on one clock?");
 }
 
-// Central differences, one-sided at the ends: for files that hold poses only.
+// Central differences, one-sided at the ends and where holes begin and end: for files that hold
+// poses only.
 void differentiate_velocity(std::vector<TrueState>& states) {
+  const auto is_hole = [&](std::size_t i) {  // between i and the next
+    return seconds_between(states[i].stamp_ns, states[i + 1].stamp_ns) > kLongestTruthGap_s;
+  };
+  const std::size_t last = states.size() - 1;
   for (std::size_t i = 0; i < states.size(); ++i) {
-    const TrueState& before = states[i == 0 ? 0 : i - 1];
-    const TrueState& after = states[std::min(i + 1, states.size() - 1)];
-    states[i].v_world_imu = (after.pose.p_world_imu - before.pose.p_world_imu) /
-                            seconds_between(before.stamp_ns, after.stamp_ns);
+    std::size_t before = i == 0 ? 0 : i - 1, after = std::min(i + 1, last);
+    if (before < i && after > i && is_hole(before) != is_hole(i)) {
+      is_hole(before) ? before = i : after = i;
+    }
+    states[i].v_world_imu = (states[after].pose.p_world_imu - states[before].pose.p_world_imu) /
+                            seconds_between(states[before].stamp_ns, states[after].stamp_ns);
   }
 }
 
@@ -149,6 +156,12 @@ TrueState read_state(const CsvReader& reader) {
 
 Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double t) {
   return a + t * (b - a);
+}
+
+std::vector<TrueState>::const_iterator first_not_before(const GroundTruth& truth, TimeNs stamp_ns) {
+  return std::lower_bound(
+      truth.states.begin(), truth.states.end(), stamp_ns,
+      [](const TrueState& state, TimeNs stamp) { return state.stamp_ns < stamp; });
 }
 
 // Empty where there is no such file.
@@ -276,15 +289,15 @@ Dataset read_dataset(const fs::path& mav0) {
 }
 
 std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns) {
-  const auto after =
-      std::lower_bound(truth.states.begin(), truth.states.end(), stamp_ns,
-                       [](const TrueState& state, TimeNs stamp) { return state.stamp_ns < stamp; });
+  const auto after = first_not_before(truth, stamp_ns);
   if (after == truth.states.end()) return std::nullopt;
   if (after->stamp_ns == stamp_ns) return *after;
   if (after == truth.states.begin()) return std::nullopt;
   const TrueState& a = *(after - 1);
   const TrueState& b = *after;
-  const double t = seconds_between(a.stamp_ns, stamp_ns) / seconds_between(a.stamp_ns, b.stamp_ns);
+  const double gap_s = seconds_between(a.stamp_ns, b.stamp_ns);
+  if (gap_s > kLongestTruthGap_s) return std::nullopt;
+  const double t = seconds_between(a.stamp_ns, stamp_ns) / gap_s;
   TrueState state;
   state.stamp_ns = stamp_ns;
   state.pose.p_world_imu = mix(a.pose.p_world_imu, b.pose.p_world_imu, t);
@@ -293,6 +306,14 @@ std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_
   state.gyro_bias = mix(a.gyro_bias, b.gyro_bias, t);
   state.accel_bias = mix(a.accel_bias, b.accel_bias, t);
   return state;
+}
+
+const TrueState& nearest_state(const GroundTruth& truth, TimeNs stamp_ns) {
+  const auto after = first_not_before(truth, stamp_ns);
+  if (after == truth.states.begin()) return *after;
+  const TrueState& before = *(after - 1);
+  if (after == truth.states.end()) return before;
+  return stamp_ns - before.stamp_ns < after->stamp_ns - stamp_ns ? before : *after;
 }
 
 StampedPoses to_trajectory(const GroundTruth& truth) {

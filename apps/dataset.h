@@ -73,8 +73,11 @@ struct Dataset {
 [[nodiscard]] std::vector<ImuSample> read_imu(const std::filesystem::path& csv);
 [[nodiscard]] GroundTruth read_ground_truth(const std::filesystem::path& csv);
 
-// Ground truth between two states: linear, slerp for attitude. Nothing outside the recording.
+// Ground truth between two states: linear, slerp for attitude. Nothing outside the recording, and
+// in holes of it.
 [[nodiscard]] std::optional<TrueState> ground_truth_at(const GroundTruth& truth, TimeNs stamp_ns);
+// The state whose stamp is closest.
+[[nodiscard]] const TrueState& nearest_state(const GroundTruth& truth, TimeNs stamp_ns);
 [[nodiscard]] StampedPoses to_trajectory(const GroundTruth& truth);
 
 // The first that is not damaged. Throws what is wrong with the last, if all are.

@@ -29,6 +29,7 @@ struct Options {
   std::string alignment;  // empty: all of them in the table, posyaw as the chosen one in json
   std::string association = "interpolate";
   double max_difference_s = 0.02;
+  double max_gap_s = kLongestTruthGap_s;
   std::vector<double> distances_m;
   std::vector<double> intervals_s{1.0};
   bool json = false;
@@ -69,6 +70,7 @@ std::vector<PosePair> associated(const Options& options, const StampedPoses& est
   association.method =
       options.association == "nearest" ? Association::kNearest : Association::kInterpolate;
   association.max_difference_s = options.max_difference_s;
+  association.max_gap_s = options.max_gap_s;
   try {
     return associate(estimate, truth, association);
   } catch (const std::runtime_error& error) {
@@ -198,6 +200,11 @@ void add_options(CLI::App& command, Options& options) {
   command
       .add_option("--max-difference", options.max_difference_s,
                   "Seconds between stamps that match, for nearest")
+      ->check(NumberRange(1e-9, 1e6))
+      ->capture_default_str();
+  command
+      .add_option("--max-gap", options.max_gap_s,
+                  "Seconds between two true poses between which to interpolate, at most")
       ->check(NumberRange(1e-9, 1e6))
       ->capture_default_str();
   command

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/evaluation.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <Eigen/SVD>
@@ -58,6 +60,15 @@ std::vector<PosePair> associate_interpolated(const StampedPoses& estimate,
     pairs.push_back({pose.stamp_ns, pose.pose, {p, q}});
   }
   return pairs;
+}
+
+// Poses of the estimate between the first and the last of the truth.
+std::size_t within(const StampedPoses& estimate, const StampedPoses& truth) {
+  if (truth.empty()) return 0;
+  return static_cast<std::size_t>(
+      std::count_if(estimate.begin(), estimate.end(), [&](const StampedPose& pose) {
+        return pose.stamp_ns >= truth.front().stamp_ns && pose.stamp_ns <= truth.back().stamp_ns;
+      }));
 }
 
 // The closest stamps find each other first, and each is used once.
@@ -199,9 +210,15 @@ std::vector<PosePair> associate(const StampedPoses& estimate, const StampedPoses
                                     ? associate_nearest(estimate, truth, options.max_difference_s)
                                     : associate_interpolated(estimate, truth, options.max_gap_s);
   if (pairs.size() >= kFewestPairs) return pairs;
-  throw std::runtime_error("only " + std::to_string(pairs.size()) +
-                           " poses match in time: the estimate runs " + span(estimate) +
-                           ", the ground truth " + span(truth) + ": are both on one clock?");
+  const std::string only = fmt::format("only {} poses match in time: ", pairs.size());
+  if (options.method == Association::kInterpolate && within(estimate, truth) >= kFewestPairs) {
+    throw std::runtime_error(
+        only + fmt::format("states of the ground truth are more than {} s apart (covey evaluate "
+                           "--max-gap says how far apart they may be)",
+                           options.max_gap_s));
+  }
+  throw std::runtime_error(only + "the estimate runs " + span(estimate) + ", the ground truth " +
+                           span(truth) + ": are both on one clock?");
 }
 
 Similarity align(const std::vector<PosePair>& pairs, Alignment alignment) {

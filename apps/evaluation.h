@@ -29,8 +29,8 @@ enum class Association {
 
 struct AssociationOptions {
   Association method = Association::kInterpolate;
-  double max_difference_s = 0.02;  // s, for kNearest
-  double max_gap_s = 0.5;          // s, for kInterpolate: no interpolation over longer holes
+  double max_difference_s = 0.02;         // s, for kNearest
+  double max_gap_s = kLongestTruthGap_s;  // for kInterpolate: none over longer holes
 };
 
 // Throws when fewer than three poses match: no figure can be made of that, least of all a zero.

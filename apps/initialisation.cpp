@@ -28,7 +28,11 @@ std::variant<InitialState, NotStill> Initialisation::start_at(
 // Pose and velocity only, as in the paper: the biases are for the filter to find.
 std::variant<InitialState, NotStill> Initialisation::from_truth(TimeNs imu_stamp_ns) const {
   const std::optional<TrueState> truth = ground_truth_at(*truth_, imu_stamp_ns);
-  if (!truth) return NotStill{"the ground truth does not cover this image"};
+  if (!truth) {
+    return NotStill{fmt::format(
+        "the ground truth does not cover this image, or has a hole of more than {} s there",
+        kLongestTruthGap_s)};
+  }
   InitialState start;
   start.stamp_ns = imu_stamp_ns;
   start.pose = truth->pose;
@@ -55,7 +59,8 @@ std::variant<InitialState, NotStill> Initialisation::from_standing_still(
   start.position_sigma = config_.position_sigma;
   start.yaw_sigma = config_.yaw_sigma;
   if (truth_) {
-    const Pose known = ground_truth_at(*truth_, imu_stamp_ns).value_or(truth_->states.front()).pose;
+    const Pose known =
+        ground_truth_at(*truth_, imu_stamp_ns).value_or(nearest_state(*truth_, imu_stamp_ns)).pose;
     start.pose.p_world_imu = known.p_world_imu;
     const double yaw = yaw_between(start.pose.q_world_imu, known.q_world_imu);
     start.pose.q_world_imu = turned_about_z(yaw, start.pose.q_world_imu);

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <stdexcept>
 #include <tuple>
 #include <utility>
 
@@ -227,7 +228,13 @@ Figure error_between(const fs::path& run, const std::vector<std::string>& drones
   for (const std::string& name : drones) {
     const fs::path estimate = run / name / kTrajectoryFile, truth = run / name / kGroundTruthFile;
     if (!fs::exists(estimate) || !fs::exists(truth)) return std::nullopt;
-    for (const PosePair& pair : associate(read_trajectory(estimate), read_trajectory(truth), {})) {
+    std::vector<PosePair> pairs;
+    try {
+      pairs = associate(read_trajectory(estimate), read_trajectory(truth), {});
+    } catch (const std::runtime_error&) {
+      return std::nullopt;  // it has not flown long enough
+    }
+    for (const PosePair& pair : pairs) {
       if (pair.stamp_ns < from_ns || pair.stamp_ns > until_ns) continue;
       sum2 += (pair.estimate.p_world_imu - pair.truth.p_world_imu).squaredNorm();
       count += 1;

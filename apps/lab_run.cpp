@@ -46,9 +46,10 @@ struct FlownPaths {
 
   [[nodiscard]] Eigen::Vector3d position(std::size_t drone, double flown_s) const {
     const GroundTruth& truth = truths[drone];
-    const TimeNs stamp_ns = std::clamp(first_ns + nanoseconds(flown_s),
-                                       truth.states.front().stamp_ns, truth.states.back().stamp_ns);
-    return ground_truth_at(truth, stamp_ns).value_or(truth.states.back()).pose.p_world_imu;
+    const TimeNs stamp_ns = first_ns + nanoseconds(flown_s);
+    return ground_truth_at(truth, stamp_ns)
+        .value_or(nearest_state(truth, stamp_ns))
+        .pose.p_world_imu;
   }
 };
 

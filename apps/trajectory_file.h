@@ -19,6 +19,9 @@ struct StampedPose {
 
 using StampedPoses = std::vector<StampedPose>;  // stamps strictly increasing
 
+// Across longer holes of a ground truth nothing is interpolated: who knows what was flown there.
+inline constexpr double kLongestTruthGap_s = 0.5;
+
 // Of [dp dtheta]: dp in world (m), dtheta local (rad), as Odometry::pose_covariance.
 struct StampedCovariance {
   TimeNs stamp_ns = 0;
