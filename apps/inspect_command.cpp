@@ -63,6 +63,7 @@ void inspect(Options options) {
   report.dataset = dataset_name(options.dataset);
   report.drone = drone.name;
   report.truth = read_thermal_truth(drone.mav0);
+  if (report.truth) options.inspection.field_stamps = field_stamps(*report.truth);
   std::optional<Progress> progress;
   report.inspection =
       inspect_flight(drone, options.inspection, [&](std::size_t done, std::size_t images) {

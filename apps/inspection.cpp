@@ -104,6 +104,9 @@ class Observer {
 // What calibration knew at each image, and how well patches kept their level.
 class PhotometricLog {
  public:
+  explicit PhotometricLog(std::vector<TimeNs> field_stamps)
+      : field_stamps_(std::move(field_stamps)) {}
+
   void add(const ImageResult& result, const cv::Mat& pixels,
            const PhotometricCalibration& calibration) {
     if (!result.calibrated || result.content != ImageContent::kScene) return;
@@ -113,8 +116,7 @@ class PhotometricLog {
     gains_.push_back({stamp_ns, chain_ns, calibration.map()});
     if (calibration.pattern_told()) ++told_;
     compare_patches(calibration, pixels);
-    if (stamp_ns < next_field_ns_) return;
-    next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
+    if (!field_is_due(stamp_ns)) return;
     // Half an hour of them as large as images would be 5 GB; comparing takes no more than this.
     if (!fields_.empty()) fields_.back().field = in_truth_cells(fields_.back().field);
     fields_.push_back({stamp_ns, chain_ns, calibration.field()});
@@ -132,6 +134,15 @@ class PhotometricLog {
   }
 
  private:
+  bool field_is_due(TimeNs stamp_ns) {
+    if (!field_stamps_.empty()) {
+      return std::binary_search(field_stamps_.begin(), field_stamps_.end(), stamp_ns);
+    }
+    if (stamp_ns < next_field_ns_) return false;
+    next_field_ns_ = stamp_ns + nanoseconds(kFieldInterval_s);
+    return true;
+  }
+
   using Patches = std::unordered_map<std::uint64_t, PatchLevel>;
 
   void compare_patches(const PhotometricCalibration& calibration, const cv::Mat& pixels) {
@@ -154,6 +165,7 @@ class PhotometricLog {
     if (past_.size() > kResidualLag) past_.pop_back();
   }
 
+  std::vector<TimeNs> field_stamps_;  // InspectionConfig
   TimeNs next_field_ns_ = 0;
   std::vector<PhotometricRecord> gains_;
   int told_ = 0;  // of them, by the sensor's pattern
@@ -198,7 +210,7 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
     calibrated.emplace(alone(config.agent, ThermalMode::kCalibrated, has_truth), dataset);
   }
   ImageReader reader(dataset.camera);
-  PhotometricLog log;
+  PhotometricLog log(config.field_stamps);
   const auto pictured = picture_indices(dataset.images.size(), config.pictures);
   std::size_t next_picture = 0;
   for (std::size_t i = 0; i < dataset.images.size(); ++i) {

@@ -24,6 +24,9 @@ namespace covey {
 struct InspectionConfig {
   AgentConfig agent;  // how to fly; alone, whatever it says
   int pictures = 4;   // evenly spread over the flight
+  // Images at which the field is kept, as far as they show a scene, ascending; empty: twice a
+  // second.
+  std::vector<TimeNs> field_stamps;
 };
 
 // Share of an image's pixels by the logarithm of their Harris response (Harris and Stephens 1988).
@@ -63,7 +66,7 @@ struct Inspection {
   InspectedFlight raw;
   std::optional<InspectedFlight> calibrated;  // of a thermal camera
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
-  std::vector<FieldRecord> fields;            // twice a second; only the last as large as images
+  std::vector<FieldRecord> fields;            // only the last as large as images
   std::optional<double> pixel_lag_s;          // time constant, as estimated at the end
   std::optional<double> pattern_share;        // of the images, whose gain the sensor's pattern told
   // |difference| between a track's patch, its mean, and that ten images before, in standard

@@ -76,6 +76,14 @@ std::optional<std::vector<ThermalTruthRecord>> read_thermal_truth(const fs::path
   return records;
 }
 
+std::vector<TimeNs> field_stamps(const std::vector<ThermalTruthRecord>& truth) {
+  std::vector<TimeNs> stamps;
+  for (const ThermalTruthRecord& record : truth) {
+    if (!record.field.empty()) stamps.push_back(record.stamp_ns);
+  }
+  return stamps;
+}
+
 cv::Mat read_true_field(const fs::path& file) {
   const cv::Mat counts = read_png(file.string());
   if (counts.type() != CV_16UC1) {

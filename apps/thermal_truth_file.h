@@ -53,6 +53,9 @@ struct ThermalTruthRecord {
 [[nodiscard]] std::optional<std::vector<ThermalTruthRecord>> read_thermal_truth(
     const std::filesystem::path& mav0);
 
+// Of the images for which a field was written.
+[[nodiscard]] std::vector<TimeNs> field_stamps(const std::vector<ThermalTruthRecord>& truth);
+
 // CV_32FC1, K, one value for each square.
 [[nodiscard]] cv::Mat read_true_field(const std::filesystem::path& file);
 
