@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "apps/json_file.h"
+
 namespace covey {
 namespace {
 
@@ -103,11 +105,11 @@ Result decode(const std::string& line, Result (*from)(const Json&)) {
 }  // namespace
 
 std::string encode(const Command& command) {
-  return std::visit([](const auto& c) { return message(c).dump(); }, command);
+  return std::visit([](const auto& c) { return printable(message(c)); }, command);
 }
 
 std::string encode(const Reply& reply) {
-  return std::visit([](const auto& r) { return message(r).dump(); }, reply);
+  return std::visit([](const auto& r) { return printable(message(r)); }, reply);
 }
 
 Command decode_command(const std::string& line) { return decode<Command>(line, command_from); }

@@ -14,6 +14,10 @@ namespace covey {
 // Throws std::runtime_error that names the file when it cannot be read or is not JSON.
 [[nodiscard]] nlohmann::json read_json_file(const std::filesystem::path& file);
 
+// Bytes that are not UTF-8 become U+FFFD: what went wrong elsewhere may quote them. Indent -1: one
+// line.
+[[nodiscard]] std::string printable(const nlohmann::json& json, int indent = -1);
+
 // Written beside and renamed: a reader sees the old file or the new one, never half of one.
 void write_json_file(const std::filesystem::path& file, const nlohmann::json& json);
 

@@ -5,6 +5,7 @@
 #include <exception>
 #include <nlohmann/json.hpp>
 
+#include "apps/json_file.h"
 #include "comms/checks.h"
 
 namespace covey {
@@ -134,7 +135,7 @@ Bytes encode(const LinkReport& report) {
   Json json = short_report;
   json["clocks"] = report.statistics.clocks;  // apart from the counts, which are never negative
   // What DDS says of hostile packets need not be UTF-8.
-  return to_bytes(json.dump(-1, ' ', false, Json::error_handler_t::replace));
+  return to_bytes(printable(json));
 }
 
 Decoded<LinkReport> decode_link_report(const Bytes& content) {
