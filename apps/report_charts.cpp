@@ -285,7 +285,7 @@ Chart outcome_chart(const AgentRun& agent) {
   return chart;
 }
 
-// Differences of the running total over whole bins, drawn as steps.
+// Differences of the running total over bins, drawn as steps; the last one takes what is left.
 Chart rate_chart(const AgentRun& agent) {
   Chart chart = time_chart(agent, 3, "payload sent", "kB/s");
   chart.y_from_zero = true;
@@ -295,7 +295,7 @@ Chart rate_chart(const AgentRun& agent) {
   const double span_s = chart.x_range->high;
   const double bin_s = std::max(kRateBinS, span_s / kMostRateBins);
   const auto bins =
-      static_cast<std::size_t>(std::min(std::ceil(span_s / kRateBinS), kMostRateBins));
+      static_cast<std::size_t>(std::clamp(std::floor(span_s / kRateBinS), 1.0, kMostRateBins));
   std::vector<double> bytes(bins, 0);
   std::int64_t before = 0;
   for (const LinkRecord& record : agent.link) {
@@ -306,7 +306,7 @@ Chart rate_chart(const AgentRun& agent) {
   }
   for (std::size_t bin = 0; bin < bins; ++bin) {
     const double start_s = static_cast<double>(bin) * bin_s;
-    const double end_s = std::min(start_s + bin_s, span_s);
+    const double end_s = bin + 1 < bins ? start_s + bin_s : span_s;
     const double rate = bytes[bin] / (end_s - start_s) / 1e3;
     curve.points.emplace_back(start_s, rate);
     curve.points.emplace_back(end_s, rate);

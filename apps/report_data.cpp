@@ -134,10 +134,11 @@ void set_span(RunData& data) {
   for (AgentRun& agent : data.agents) {
     const auto span = span_of(agent);
     if (!span) continue;
+    std::tie(agent.first_ns, agent.last_ns) = *span;
     std::tie(agent.start_ns, agent.end_ns) = *span;
-    first_ns = std::min(first_ns, agent.start_ns);
-    last_ns = std::max(last_ns, agent.end_ns);
-    flown_s += seconds_between(agent.start_ns, agent.end_ns);
+    first_ns = std::min(first_ns, agent.first_ns);
+    last_ns = std::max(last_ns, agent.last_ns);
+    flown_s += seconds_between(agent.first_ns, agent.last_ns);
   }
   if (first_ns > last_ns) return;
   data.start_ns = first_ns;
@@ -169,6 +170,11 @@ void cut_truth(RunData& data) {
 }
 
 }  // namespace
+
+std::optional<double> flown_s(const AgentRun& agent) {
+  if (agent.last_ns <= agent.first_ns) return std::nullopt;
+  return seconds_between(agent.first_ns, agent.last_ns);
+}
 
 RunData read_run(const fs::path& run) {
   RunData data;

@@ -33,6 +33,7 @@ struct AgentRun {
   std::vector<PosePair> alone_pairs;
   std::optional<AccuracySummary> accuracy;
   std::optional<AccuracySummary> alone_accuracy;
+  TimeNs first_ns = 0, last_ns = 0;  // of its own flight
   // Of its time axes: from the first image of any drone to the last, or of its own flight.
   TimeNs start_ns = 0, end_ns = 0;
   bool time_of_its_own = false;
@@ -46,6 +47,9 @@ struct RunData {
   bool apart = false;  // the drones flew at times so far apart that none would be seen on one axis
   std::vector<std::string> notes;
 };
+
+// How long it flew; nothing if it did not.
+[[nodiscard]] std::optional<double> flown_s(const AgentRun& agent);
 
 // Throws when there is no summary.json that can be read.
 [[nodiscard]] RunData read_run(const std::filesystem::path& run);

@@ -188,17 +188,12 @@ std::string error_means(const RunData& data) {
   return html + "</tr>";
 }
 
-Value duration_s(const AgentRun& agent) {
-  if (agent.end_ns <= agent.start_ns) return std::nullopt;
-  return seconds_between(agent.start_ns, agent.end_ns);
-}
-
 std::int64_t payload_bytes(const LinkSummary& link) {
   return link.request.payload_bytes_sent + link.message.payload_bytes_sent;
 }
 
 Value payload_rate_kb(const AgentRun& agent) {
-  const Value seconds = duration_s(agent);
+  const Value seconds = flown_s(agent);
   if (!seconds || !agent.summary.link) return std::nullopt;
   return static_cast<double>(payload_bytes(*agent.summary.link)) / *seconds / 1e3;
 }

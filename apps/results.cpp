@@ -89,10 +89,11 @@ const FromAgent kWire = of_link([](const LinkSummary& l) { return l.wire_bytes_s
 
 // kB/s that one drone sends.
 Value rate(const RunData& run, const FromAgent& bytes) {
-  const double seconds = seconds_between(run.start_ns, run.end_ns);
-  const Value each = mean(run, bytes);
-  if (!each || seconds <= 0) return std::nullopt;
-  return *each / seconds / 1e3;
+  return mean(run, [&](const AgentRun& agent) -> Value {
+    const Value sent = bytes(agent), seconds = flown_s(agent);
+    if (!sent || !seconds) return std::nullopt;
+    return *sent / *seconds / 1e3;
+  });
 }
 
 Value megabytes(const Value& bytes) {
