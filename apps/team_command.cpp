@@ -32,7 +32,8 @@ namespace fs = std::filesystem;
 
 struct Options {
   std::string dataset, out, config_file, thermal;
-  std::string mode = "collaborative", exchange = "compact", init = "auto", pace = "lockstep";
+  std::string mode, exchange;  // empty: as the settings say
+  std::string init = "auto", pace = "lockstep";
   std::vector<std::string> agents;
   bool force = false, with_solo = false, unknown_start = false;
 };
@@ -69,10 +70,9 @@ std::vector<std::string> without_ground_truth(const std::vector<DroneFolder>& dr
 }
 
 // As the command says, or else the settings, or else what the dataset has.
-InitMethod chosen_start(std::string init, const TeamOptions& team) {
-  const nlohmann::json::json_pointer setting("/initialisation/method");
-  if (init == "auto" && team.config.contains(setting) && team.config[setting].is_string())
-    init = team.config[setting].get<std::string>();
+InitMethod chosen_start(std::string init, const AgentConfig& settings, const TeamOptions& team) {
+  const bool set = team.config.contains(nlohmann::json::json_pointer("/initialisation/method"));
+  if (init == "auto" && set) return settings.initialisation.method;
   if (init == "static") return InitMethod::kStatic;
   if (init == "groundtruth") return InitMethod::kGroundTruth;
   return without_ground_truth(team.drones).empty() ? InitMethod::kGroundTruth : InitMethod::kStatic;
@@ -104,29 +104,32 @@ void choose_pace(const std::string& pace, TeamOptions& team) {
   team.real_time_factor = rate;
 }
 
-fs::path default_run(const Options& options) {
+fs::path default_run(const Options& options, FlightMode mode) {
   const std::time_t now = std::time(nullptr);
   std::tm local{};
   localtime_r(&now, &local);
   char stamp[32];
   std::strftime(stamp, sizeof(stamp), "%Y%m%d-%H%M%S", &local);
-  return fs::path("runs") / (dataset_name(options.dataset) + "-" + options.mode + "-" + stamp);
+  const std::string how = mode == FlightMode::kSolo ? "-solo-" : "-collaborative-";
+  return fs::path("runs") / (dataset_name(options.dataset) + how + stamp);
 }
 
 TeamOptions team_options(const Options& options) {
   TeamOptions team;
   team.drones = chosen_drones(options);
-  team.out = options.out.empty() ? default_run(options) : fs::path(options.out);
-  team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
-  team.exchange = exchange_from_name(options.exchange).value_or(ExchangeMode::kCompact);
   choose_pace(options.pace, team);
+  AgentConfig settings;
   if (!options.config_file.empty()) {
     team.config = read_json_file(options.config_file);
     team.config_name = options.config_file;
-    AgentConfig settings;
     merge_config(team.config, team.config_name, settings);  // before anything is put into them
   }
-  team.init = chosen_start(options.init, team);
+  team.mode = settings.agent.mode;
+  if (!options.mode.empty())
+    team.mode = options.mode == "solo" ? FlightMode::kSolo : FlightMode::kCollaborative;
+  team.exchange = exchange_from_name(options.exchange).value_or(settings.collaboration.exchange);
+  team.out = options.out.empty() ? default_run(options, team.mode) : fs::path(options.out);
+  team.init = chosen_start(options.init, settings, team);
   team.unknown_start = options.unknown_start;
   if (!options.thermal.empty()) team.config["thermal"]["mode"] = options.thermal;
   // A mistake in the settings shows now, before anything is started.
@@ -253,17 +256,17 @@ void add_team_command(CLI::App& covey) {
       ->type_name("DIR");
   command->add_option("--out", options->out, "Folder for the results (default: below runs/)")
       ->type_name("RUN");
-  command->add_option("--mode", options->mode, "Together, or each for itself")
-      ->check(CLI::IsMember({"collaborative", "solo"}))
-      ->capture_default_str();
+  command
+      ->add_option("--mode", options->mode,
+                   "Together, or each for itself (default: as in FILE.json, else collaborative)")
+      ->check(CLI::IsMember({"collaborative", "solo"}));
   command
       ->add_option(
           "--exchange", options->exchange,
           "What the drones tell each other: a question per new view and short answers; the "
           "paper's question per image and answers with the whole filter; or the whole "
-          "filter to all at every image")
-      ->check(CLI::IsMember({"compact", "paper", "naive"}))
-      ->capture_default_str();
+          "filter to all at every image (default: as in FILE.json, else compact)")
+      ->check(CLI::IsMember({"compact", "paper", "naive"}));
   command
       ->add_option("--init", options->init,
                    "Gravity from standing still, or pose and velocity from ground truth; auto: "
@@ -288,7 +291,7 @@ void add_team_command(CLI::App& covey) {
   command
       ->add_option("--config", options->config_file,
                    "Settings for all drones, merged over the defaults (covey agent "
-                   "--print-config shows them)")
+                   "--print-config shows them); names, folders and pace are this command's")
       ->type_name("FILE.json");
   command->add_flag("--with-solo", options->with_solo, "Fly alone first, to compare");
   command->add_flag("--force", options->force, "Replace the results in RUN");
