@@ -2,6 +2,7 @@
 #include "estimator/estimator.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -105,7 +106,8 @@ struct Estimator::Impl {
   std::optional<EkfUpdate> still_update;
   TrackStore store;
   StillnessDetector stillness;
-  TrackList reference;  // of the last keyframe
+  double usual_depth_m = 0;  // of what is seen, as it was known last; 0: never yet
+  TrackList reference;       // of the last keyframe
   std::uint64_t reference_id = 0, next_clone_id = 1;
   bool seeing = false;          // the first visual update has been made
   TimeNs waiting_since_ns = 0;  // for it
@@ -154,15 +156,18 @@ Eigen::Vector3d Estimator::Impl::turn_rate(TimeNs stamp_ns) const {
 // If it does, as far as tracks and IMU show.
 void Estimator::Impl::stand_still(const ImuInterval& interval, UpdateReport& report) {
   const std::optional<double> apparent_speed = stillness.speed_if_still(config);
-  if (!apparent_speed) return;
   const TimeNs stamp_ns = state->imu().stamp_ns;
-  if (!inertially_still(imu.last(stamp_ns, config.still_window_s), config,
-                        state->imu().gyro_bias)) {
+  if (!apparent_speed || !inertially_still(imu.last(stamp_ns, config.still_window_s), config,
+                                           state->imu().gyro_bias)) {
     return;
   }
-  report.zero_velocity = update_zero_velocity(*state, *still_update, interval.samples,
-                                              median_depth(*state) * *apparent_speed, config);
-  if (report.zero_velocity) glimpsed.reset();
+  const Stillness still{usual_depth_m == 0, usual_depth_m * *apparent_speed};
+  report.zero_velocity =
+      update_zero_velocity(*state, *still_update, interval.samples, still, config);
+  if (!report.zero_velocity) return;
+  if (glimpsed) {
+    (void)update_zero_velocity(glimpsed->state, *still_update, interval.samples, still, config);
+  }
 }
 
 // Of the images that have come so far, by their own clock.
@@ -222,7 +227,8 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 }
 
 // Before the first visual update the window only collects; each new keyframe is a chance to start.
-// What the tracks say until then is told, and carried on by the IMU where they do not agree.
+// What the tracks say until then is told, and carried on by the IMU between keyframes and where
+// they do not agree.
 // Tracks that have ended are often short, their depths known badly and linearised where they are
 // not: only who has waited long uses them.
 void Estimator::Impl::try_start(UpdateReport& report) {
@@ -234,13 +240,14 @@ void Estimator::Impl::try_start(UpdateReport& report) {
     if (usable && track.observations.size() >= 2) tracks.push_back(&track);
   }
   tracks = longest_first(std::move(tracks));
-  const bool attempt = state->clones().back().keyframe && state->clones().size() >= 4;
+  const bool keyframe = state->clones().back().keyframe;
+  const bool attempt = keyframe && state->clones().size() >= 4;
   const auto glimpse = [&] {
     if (std::optional<State> seen = vision->glimpse(*state, tracks))
       glimpsed = {std::move(*seen), false};
   };
   const bool depths_seen = glimpsed && glimpsed->depths;
-  if (!depths_seen) glimpse();
+  if (!depths_seen && (keyframe || !glimpsed)) glimpse();
   if (attempt) {
     State guess = told();
     const VisionUpdate::Start found = vision->start(*state, guess, tracks, impatient, report);
@@ -354,7 +361,7 @@ void Estimator::Impl::end_waiting(TimeNs image_stamp_ns, UpdateReport& report) {
 // Starts anew from the last healthy state and what the IMU has told since then, with the covariance
 // that this has: what bearings have made of the state in between is not believed.
 void Estimator::Impl::restart(UpdateReport& report) {
-  start(State(config, health.healthy()));
+  start(State(config, health.fallback(config)));
   health.restarted();
   report.reinitialized = true;
 }
@@ -367,6 +374,7 @@ Estimator& Estimator::operator=(Estimator&&) noexcept = default;
 
 void Estimator::initialize(const InitialState& start) {
   impl_->start(State(impl_->config, initial_imu(start), initial_covariance(start)));
+  impl_->usual_depth_m = 0;
 }
 
 bool Estimator::initialized() const { return impl_->state.has_value(); }
@@ -425,6 +433,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
   }
   report.propagate_ms = self.now_ms() - start;
   self.update(tracks, report);
+  if (const double depth = median_depth(*self.state); depth > 0) self.usual_depth_m = depth;
   self.apply(
       self.health.watch(*self.state, report, tracks.size(), self.seeing, interval, self.config),
       report);

@@ -9,17 +9,24 @@ namespace {
 constexpr double kDegradedAfter_s = 0.5;   // without a feature that fits
 constexpr std::size_t kEnoughTracks = 20;  // to see with
 
+// Of a velocity of which nothing is known, along each axis.
+constexpr double kAnyVelocitySigma = 10;  // m/s
+
+bool is_possible(const Eigen::Vector3d& velocity, const EstimatorConfig& config) {
+  return velocity.norm() < config.max_velocity;
+}
+
 bool is_possible(const State& state, const EstimatorConfig& config) {
   const ImuState& imu = state.imu();
   return imu.pose.p_world_imu.allFinite() && imu.pose.q_world_imu.coeffs().allFinite() &&
-         imu.v_world_imu.norm() < config.max_velocity &&
-         (state.covariance().diagonal().array() >= 0).all();
+         is_possible(imu.v_world_imu, config) && (state.covariance().diagonal().array() >= 0).all();
 }
 
 }  // namespace
 
 void FilterHealth::begin(const State& state) {
   status_ = FilterStatus::kTracking;
+  contradicted_since_ns_.reset();
   healthy_ns_ = state.imu().stamp_ns;
   healthy_ = state.core();
 }
@@ -36,12 +43,22 @@ Remedy FilterHealth::watch(const State& state, const UpdateReport& report, std::
     return Remedy::kNone;
   }
   if (interval) carry(*interval, config);
-  const double blind_s = seconds_between(healthy_ns_, state.imu().stamp_ns);
+  const TimeNs now_ns = state.imu().stamp_ns;
+  if (failed || gated > used) {
+    if (!contradicted_since_ns_) contradicted_since_ns_ = now_ns;
+  } else {
+    contradicted_since_ns_.reset();
+  }
+  const double blind_s = seconds_between(healthy_ns_, now_ns);
   if (possible && blind_s < kDegradedAfter_s) return Remedy::kNone;
   status_ = FilterStatus::kDegraded;
-  const bool for_long = blind_s > config.lost_after_s;
-  if (!possible || ((failed || gated > used) && for_long)) return Remedy::kRestart;
-  return seeing && tracks >= kEnoughTracks && for_long ? Remedy::kLookAgain : Remedy::kNone;
+  const bool contradicted = contradicted_since_ns_ &&
+                            seconds_between(*contradicted_since_ns_, now_ns) > config.lost_after_s;
+  if (!possible || contradicted) return Remedy::kRestart;
+  const bool nothing_fits = used == 0 && gated == 0 && !failed;
+  return seeing && nothing_fits && tracks >= kEnoughTracks && blind_s > config.lost_after_s
+             ? Remedy::kLookAgain
+             : Remedy::kNone;
 }
 
 void FilterHealth::pass(TimeNs stamp_ns, const ImuInterval& interval,
@@ -50,7 +67,20 @@ void FilterHealth::pass(TimeNs stamp_ns, const ImuInterval& interval,
   miss(stamp_ns);
 }
 
+CoreState FilterHealth::fallback(const EstimatorConfig& config) const {
+  CoreState core = healthy_;
+  if (is_possible(core.imu.v_world_imu, config)) return core;
+  constexpr int kVelocity = State::kVelocity;
+  core.imu.v_world_imu.setZero();
+  core.covariance.middleRows<3>(kVelocity).setZero();
+  core.covariance.middleCols<3>(kVelocity).setZero();
+  core.covariance.diagonal().segment<3>(kVelocity).setConstant(kAnyVelocitySigma *
+                                                               kAnyVelocitySigma);
+  return core;
+}
+
 void FilterHealth::miss(TimeNs stamp_ns) {
+  contradicted_since_ns_.reset();
   if (seconds_between(healthy_ns_, stamp_ns) >= kDegradedAfter_s) status_ = FilterStatus::kDegraded;
 }
 

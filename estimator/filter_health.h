@@ -23,8 +23,9 @@ class FilterHealth {
   // A state that is believed.
   void begin(const State& state);
 
-  // After an image whose tracks were used. Lost: most features contradict the state or updates fail
-  // for seconds, no feature is accepted though there are many, or the motion is impossible.
+  // After an image whose tracks were used. Lost: in all images of seconds most features contradict
+  // the state or updates fail, no feature is accepted though there are many, or the motion is
+  // impossible.
   // `seeing`: the first visual update has been made. `interval`: what led to this image.
   [[nodiscard]] Remedy watch(const State& state, const UpdateReport& report, std::size_t tracks,
                              bool seeing, const std::optional<ImuInterval>& interval,
@@ -37,14 +38,16 @@ class FilterHealth {
 
   [[nodiscard]] FilterStatus status() const { return status_; }
   [[nodiscard]] TimeNs healthy_ns() const { return healthy_ns_; }
-  // The state as it was then, carried on by the IMU alone.
-  [[nodiscard]] const CoreState& healthy() const { return healthy_; }
+  // The state as it was then, carried on by the IMU alone; but for a velocity that cannot be, of
+  // which nothing is known then.
+  [[nodiscard]] CoreState fallback(const EstimatorConfig& config) const;
 
  private:
   void carry(const ImuInterval& interval, const EstimatorConfig& config);
 
   FilterStatus status_ = FilterStatus::kUninitialized;
   TimeNs healthy_ns_ = 0;
+  std::optional<TimeNs> contradicted_since_ns_;  // in each image since then
   CoreState healthy_;
 };
 

@@ -85,6 +85,21 @@ bool enough(const ViewChange& change, const TrackList& last) {
 // distribution).
 double motion_by_noise(const TrackList& tracks) { return 1.67 * usual_sigma(tracks); }
 
+// Rows of which the state knows more than they say. `unseen`: of the velocity's, in their sigmas.
+void leave_out_known(const State& state, double unseen, StillRows& rows) {
+  const Eigen::Matrix<double, State::kImuSize, State::kImuSize> P =
+      state.covariance().topLeftCorner<State::kImuSize, State::kImuSize>();
+  const auto leave_out = [&](int first, double sigma) {
+    const auto H = rows.H.middleRows<3>(first);
+    if ((H * P * H.transpose()).trace() > 3 * sigma * sigma) return;
+    rows.H.middleRows<3>(first).setZero();
+    rows.r.segment<3>(first).setZero();
+  };
+  leave_out(0, unseen);
+  leave_out(3, 1);
+  leave_out(6, 1);
+}
+
 }  // namespace
 
 bool inertially_still(const std::vector<ImuSample>& window, const EstimatorConfig& config,
@@ -142,13 +157,12 @@ double StillnessDetector::motion_seen() const {
 }
 
 StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
-                     double unseen_speed, const EstimatorConfig& config) {
+                     double velocity_sigma, const EstimatorConfig& config) {
   const MeanReadings readings = mean(interval.begin(), interval.end());
   const Eigen::Vector3d up_imu =
       imu.pose.q_world_imu.conjugate() * Eigen::Vector3d(0, 0, config.gravity);
   StillRows rows;
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
-  const double velocity_sigma = std::hypot(config.still_velocity_sigma, unseen_speed);
   rows.H.block<3, 3>(0, State::kVelocity) = I / velocity_sigma;
   rows.r.head<3>() = -imu.v_world_imu / velocity_sigma;
   rows.H.block<3, 3>(3, State::kGyroBias) = I / config.still_gyro_sigma;
@@ -160,13 +174,19 @@ StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval
 }
 
 bool update_zero_velocity(State& state, EkfUpdate& update, const std::vector<ImuSample>& interval,
-                          double unseen_speed, const EstimatorConfig& config) {
-  const StillRows rows = still_rows(state.imu(), interval, unseen_speed, config);
+                          const Stillness& still, const EstimatorConfig& config) {
+  const double velocity_sigma = std::hypot(config.still_velocity_sigma, still.unseen_speed);
+  StillRows rows = still_rows(state.imu(), interval, velocity_sigma, config);
   Columns columns;
   columns.add(0, State::kImuSize);
   update.begin(state);
   update.add(state, rows.H, rows.r, columns);
   if (!(update.last_distance() <= chi_square_quantile(0.999, 9))) return false;
+  if (!still.stands) {
+    leave_out_known(state, still.unseen_speed / velocity_sigma, rows);
+    update.begin(state);
+    update.add(state, rows.H, rows.r, columns);
+  }
   return update.apply(state);
 }
 

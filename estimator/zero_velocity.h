@@ -49,13 +49,22 @@ struct StillRows {
   Eigen::Matrix<double, 9, State::kImuSize> H = Eigen::Matrix<double, 9, State::kImuSize>::Zero();
   Eigen::Matrix<double, 9, 1> r = Eigen::Matrix<double, 9, 1>::Zero();
 };
-// `unseen_speed`: m/s, with which the drone might fly without that being seen.
+// `velocity_sigma`: m/s, how surely it is zero.
 [[nodiscard]] StillRows still_rows(const ImuState& imu, const std::vector<ImuSample>& interval,
-                                   double unseen_speed, const EstimatorConfig& config);
+                                   double velocity_sigma, const EstimatorConfig& config);
 
-// False when they contradict the state (chi-square): nothing is changed then.
+// What is known of a drone that seems to stand.
+struct Stillness {
+  // It has not flown yet. Otherwise it may glide: slowly, and with a little acceleration.
+  bool stands = false;
+  double unseen_speed = 0;  // m/s, with which it might fly without that being seen
+};
+
+// Of a drone that may glide, what is not seen is the same from image to image, and is not to be
+// counted anew in each: what the state knows better is not said. False when they contradict the
+// state (chi-square): nothing is changed then.
 [[nodiscard]] bool update_zero_velocity(State& state, EkfUpdate& update,
-                                        const std::vector<ImuSample>& interval, double unseen_speed,
-                                        const EstimatorConfig& config);
+                                        const std::vector<ImuSample>& interval,
+                                        const Stillness& still, const EstimatorConfig& config);
 
 }  // namespace covey

@@ -54,7 +54,7 @@ TEST(FilterHealth, SaysAfterHalfASecondThatNothingFits) {
 TEST(FilterHealth, MostlyContradictedForSecondsItRestarts) {
   FilterHealth health;
   EXPECT_EQ(watched(health, 1.9, fitting(1, 9), kMany, kSeeing), Remedy::kNone);
-  EXPECT_EQ(watched(health, 2.2, fitting(1, 9), kMany, kSeeing), Remedy::kRestart);
+  EXPECT_EQ(watched(health, 2.3, fitting(1, 9), kMany, kSeeing), Remedy::kRestart);
   EXPECT_EQ(health.healthy_ns(), 0) << "where it goes back to";
   health.restarted();
   EXPECT_EQ(health.status(), FilterStatus::kLost);
@@ -79,9 +79,43 @@ TEST(FilterHealth, GoesBackToTheHealthyStateCarriedOnByTheImu) {
   std::vector<ImuSample> level;
   for (int i = 0; i <= 100; ++i) level.push_back({nanoseconds(i / 100.0), {0, 0, 0}, {0, 0, 9.81}});
   health.pass(nanoseconds(1), {level}, {});
-  EXPECT_NEAR(health.healthy().imu.pose.p_world_imu.x(), 1, 1e-9);
+  EXPECT_NEAR(health.fallback({}).imu.pose.p_world_imu.x(), 1, 1e-9);
   EXPECT_EQ(health.status(), FilterStatus::kDegraded);
   EXPECT_EQ(health.healthy_ns(), 0);
+}
+
+// As of a drone that has waited in the dark, and whose IMU has gone on telling of acceleration.
+TEST(FilterHealth, WhereTheImuLeadsToAnImpossibleVelocityNothingOfItIsKnown) {
+  const EstimatorConfig config;
+  FilterHealth health;
+  health.begin(state_at(0, {config.max_velocity - 1, 0, 0}));
+  std::vector<ImuSample> faster;
+  for (int i = 0; i <= 100; ++i) {
+    faster.push_back({nanoseconds(i / 100.0), {0, 0, 0}, {2, 0, 9.81}});
+  }
+  health.pass(nanoseconds(1), {faster}, config);
+  const CoreState core = health.fallback(config);
+  EXPECT_TRUE(core.imu.v_world_imu.isZero(0));
+  EXPECT_EQ(core.covariance(State::kVelocity, State::kVelocity), 100);
+  EXPECT_EQ(core.covariance(State::kVelocity, State::kPosition), 0);
+  EXPECT_EQ(core.covariance(State::kPosition, State::kVelocity), 0);
+  EXPECT_NEAR(core.imu.pose.p_world_imu.x(), config.max_velocity, 1e-6) << "that is kept";
+}
+
+// What has not been seen for long is no contradiction.
+TEST(FilterHealth, AfterTheDarkContradictionHasToLastAsWell) {
+  FilterHealth health;
+  health.begin(state_at(0));
+  std::vector<ImuSample> still;
+  for (int i = 0; i <= 250; ++i) still.push_back({nanoseconds(i / 100.0), {0, 0, 0}, {0, 0, 9.81}});
+  health.pass(nanoseconds(2.5), {still}, {});
+  Remedy remedy = Remedy::kNone;
+  double t = 2.6;
+  for (; t < 6 && remedy == Remedy::kNone; t += 0.1) {
+    remedy = health.watch(state_at(t), fitting(1, 9), kMany, kSeeing, {}, {});
+  }
+  EXPECT_EQ(remedy, Remedy::kRestart);
+  EXPECT_NEAR(t, 2.6 + EstimatorConfig().lost_after_s + 0.2, 0.15);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@
 namespace covey {
 namespace {
 
-constexpr double kImageRate_hz = 30, kFlies_s = 12, kDuration_s = 30;
+constexpr double kImageRate_hz = 30, kFlies_s = 12, kDuration_s = 30, kHeight_m = 35;
 constexpr double kPixelSigma = 0.1, kFocal = 455;  // px
 
 // Flies about for some seconds, so that the scale is known, and glides from then on.
@@ -77,7 +77,6 @@ DroneFeatures over_level_ground(const Trajectory& trajectory, const ImuSensor& i
 // As long as standing still was taken for 2 cm/s however high, NEES in the end were 4 and 82, the
 // faster one 8 cm off; 0.9 and 6 mm since it counts how fast tracks move and how deep they lie.
 TEST(HighHover, GlidingSlowlyIsNotTakenForStandingStill) {
-  constexpr double kHeight_m = 35;
   constexpr std::uint64_t kFlights = kEnoughForStatistics ? 4 : 1;
   EstimatorConfig config;
   const ImuSensor imu = adis16448();
@@ -92,6 +91,32 @@ TEST(HighHover, GlidingSlowlyIsNotTakenForStandingStill) {
     }
     EXPECT_LT(nees, 2.5) << speed << " m/s";
   }
+}
+
+// Where no landmark is known any more, it counts how far away things were when it was known last.
+// As long as they were taken for close, the NEES was 1200, and landmarks never came to be known
+// again.
+TEST(HighHover, NorIsItAfterTheDark) {
+  constexpr double kSpeed = 0.08, kDark_s = 3.5;
+  constexpr std::uint64_t kFlights = kEnoughForStatistics ? 3 : 1;
+  EstimatorConfig config;
+  const ImuSensor imu = adis16448();
+  config.imu_noise = imu.noise;
+  double nees = 0;
+  for (std::uint64_t seed = 1; seed <= kFlights; ++seed) {
+    DroneFeatures drone = over_level_ground(glide(kHeight_m, kSpeed), imu, seed);
+    const TimeNs until_ns = drone.camera.front().stamp_ns + nanoseconds(kFlies_s);
+    for (std::size_t i = drone.camera.size(); i-- > 0;) {
+      const double before_s = seconds_between(drone.camera[i].stamp_ns, until_ns);
+      if (before_s < 0 || before_s > kDark_s) continue;
+      drone.camera.erase(drone.camera.begin() + static_cast<std::ptrdiff_t>(i));
+      drone.truth.erase(drone.truth.begin() + static_cast<std::ptrdiff_t>(i));
+    }
+    const FilterRun run = run_filter(drone, config, seed);
+    EXPECT_GT(run.still, 100) << "which is what this is about";
+    nees += run.errors.back().position_nees / 3 / static_cast<double>(kFlights);
+  }
+  EXPECT_LT(nees, 2.5);
 }
 
 }  // namespace

@@ -39,9 +39,9 @@ std::vector<ImuSample> readings(const State& state, const Eigen::Vector3d& more_
   return samples;
 }
 
-bool update(State& state, const std::vector<ImuSample>& interval) {
+bool update(State& state, const std::vector<ImuSample>& interval, const Stillness& still = {}) {
   EkfUpdate rows(16, state.capacity());
-  return update_zero_velocity(state, rows, interval, 0, config());
+  return update_zero_velocity(state, rows, interval, still, config());
 }
 
 // The residual is measurement minus expectation.
@@ -60,6 +60,28 @@ TEST(ZeroVelocity, StandingStillStopsTheDrone) {
   EXPECT_TRUE(update(state, readings(state, none, none)));
   EXPECT_LT(state.imu().v_world_imu.norm(), 0.9 * 0.01 * std::sqrt(3));
   EXPECT_LT(state.covariance()(State::kVelocity, State::kVelocity), 0.9 * 1e-4);
+}
+
+double sigma(const State& state, int offset) {
+  return std::sqrt(state.covariance().diagonal().segment<3>(offset).mean());
+}
+
+// An hour of it: a glide is not stopped by what is said of it ever again.
+TEST(ZeroVelocity, WhatIsNotSeenCountsOnce) {
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  const auto after_an_hour = [&](const Stillness& still) {
+    State state = still_state({0.01, -0.01, 0.01});
+    for (int image = 0; image < 1000; ++image) {
+      EXPECT_TRUE(update(state, readings(state, none, none), still));
+    }
+    return state;
+  };
+  const Stillness stands{true, 0}, glides{false, 0.005};
+  EXPECT_LT(sigma(after_an_hour(stands), State::kVelocity), 0.001);
+  EXPECT_LT(sigma(after_an_hour(stands), State::kAccelBias), 0.01);
+  EXPECT_NEAR(sigma(after_an_hour(glides), State::kVelocity), 0.005, 0.0005);
+  EXPECT_EQ(sigma(after_an_hour(glides), State::kAccelBias),
+            sigma(still_state(), State::kAccelBias));
 }
 
 TEST(ZeroVelocity, WhatContradictsTheStateChangesNothing) {
