@@ -390,7 +390,8 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
            "measured");
   v.number("start_position_sigma_m", fusion.start_position_sigma_m, {0, 1e3},
            "[m] of a peer's start, seen from the own one, where starts are measured");
-  v.angle("start_yaw_sigma_deg", fusion.start_yaw_sigma, {0, 180}, "[deg] of its heading");
+  v.angle("start_yaw_sigma_deg", fusion.start_yaw_sigma, {0, 3},
+          "[deg] of its heading; who knows less of it starts with fusion.common_start false");
   WorldVoteConfig& alignment = fusion.drift.alignment;
   v.count("alignment_votes", alignment.votes, {2, 100},
           "relative poses that must agree before a peer's world is aligned");

@@ -8,7 +8,8 @@
 // State: the pose errors e = [dp dtheta] (world axes, R = Exp(dtheta) R^) of keyframes, each as its
 // drone's odometry had it. Along one drone errors grow as odometry says:
 //   e_b = F_ab e_a + w,   F_ab = [I  -[p_b - p_a]x zz^T; 0  I],   cov(w) = P_b - F_ab P_a F_ab^T,
-// (yaw turns what comes after it; tilt is kept by gravity and does not). A keyframe is put into its
+// (yaw turns what comes after it; tilt is kept by gravity and does not) as far as it becomes less
+// certain; what it becomes surer of: drift_step. A keyframe is put into its
 // drone's chain when it is first needed, between those that are there (Brownian bridge). Two
 // keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns,
 // whichever of the two has found the other's; and where both have measured their depths, by how

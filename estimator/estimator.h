@@ -34,7 +34,7 @@ struct InitialState {
 
 // What one camera measurement did. Counts of features unless said otherwise.
 struct UpdateReport {
-  bool propagated = false;     // false: no IMU up to the image, or not initialised
+  bool propagated = false;     // false: no IMU up to the image, not newer, or not initialised
   bool reinitialized = false;  // the filter lost itself and started anew at this image
   bool zero_velocity = false;  // standing still was detected and used
   int msckf_used = 0, msckf_gated = 0, msckf_untriangulated = 0;

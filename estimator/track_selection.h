@@ -24,7 +24,7 @@ namespace covey {
                                                          int limit);
 
 // That may become SLAM features: of those that go on and are not `taken`, first those from cells of
-// the image without SLAM features, the longest first.
+// the image in which fewest SLAM features were when they were anchored, the longest first.
 [[nodiscard]] std::vector<const Track*> slam_candidates(const TrackStore& store, const State& state,
                                                         const std::vector<const Track*>& taken);
 
