@@ -53,6 +53,12 @@ TEST(ControlChannel, CommandsAndRepliesSurviveTheWire) {
   EXPECT_EQ(failed.why, "no words");
 }
 
+// A name that is written in another encoding, say.
+TEST(ControlChannel, AReasonThatIsNotUtf8StillArrives) {
+  const std::string line = encode(Reply{FailedReply{"b\xfcld.png does not exist"}});
+  EXPECT_EQ(std::get<FailedReply>(decode_reply(line)).why, "b\uFFFDld.png does not exist");
+}
+
 TEST(ControlChannel, AnythingElseIsRefused) {
   EXPECT_THROW((void)decode_command("hello"), std::runtime_error);
   EXPECT_THROW((void)decode_command(R"({"do":"dance"})"), std::runtime_error);

@@ -190,6 +190,23 @@ TEST_F(DatasetTest, GroundTruthIsInterpolatedBetweenStates) {
   EXPECT_FALSE(ground_truth_at(truth, 1100000001).has_value());
 }
 
+TEST_F(DatasetTest, NothingIsInterpolatedAcrossAHoleOfTheGroundTruth) {
+  write("state_groundtruth_estimate0/data.csv",
+        "1000000000,1,0,0,1,0,0,0\n1100000000,1.1,0,0,1,0,0,0\n"
+        "1700000000,9,0,0,1,0,0,0\n1800000000,9.2,0,0,1,0,0,0\n");
+  const GroundTruth truth = *read_dataset(mav0()).ground_truth;
+  EXPECT_TRUE(ground_truth_at(truth, 1050000000).has_value());
+  EXPECT_TRUE(ground_truth_at(truth, 1100000000).has_value());
+  EXPECT_FALSE(ground_truth_at(truth, 1200000000).has_value());
+  EXPECT_TRUE(ground_truth_at(truth, 1700000000).has_value());
+  EXPECT_NEAR(truth.states[1].v_world_imu.x(), 1, 1e-9) << "from before the hole alone";
+  EXPECT_NEAR(truth.states[2].v_world_imu.x(), 2, 1e-9) << "from after it";
+  EXPECT_EQ(nearest_state(truth, 0).stamp_ns, 1000000000);
+  EXPECT_EQ(nearest_state(truth, 1390000000).stamp_ns, 1100000000);
+  EXPECT_EQ(nearest_state(truth, 1410000000).stamp_ns, 1700000000);
+  EXPECT_EQ(nearest_state(truth, 2000000000).stamp_ns, 1800000000);
+}
+
 TEST_F(DatasetTest, GroundTruthOfPosesOnlyGetsVelocitiesByDifferences) {
   write("state_groundtruth_estimate0/data.csv",
         "1000000000,1,0,0,1,0,0,0\n1050000000,1.1,0,0,1,0,0,0\n1100000000,1.3,0,0,1,0,0,0\n");

@@ -112,6 +112,22 @@ TEST(Evaluation, NobodyInterpolatesOverAHoleInTheTruth) {
   EXPECT_EQ(associate(estimate, truth, {}).size(), estimate.size() - 10);
 }
 
+TEST(Evaluation, ATruthThatIsTooSparseIsNotTakenForAnotherClock) {
+  const StampedPoses estimate = lap(6);
+  StampedPoses truth;
+  for (std::size_t i = 5; i < estimate.size(); i += 10) {
+    truth.push_back(estimate[i]);
+    truth.back().stamp_ns += 1000;
+  }
+  const double apart_s = seconds_between(truth[0].stamp_ns, truth[1].stamp_ns);
+  ASSERT_GT(apart_s, kLongestTruthGap_s);
+  EXPECT_THAT([&] { (void)associate(estimate, truth, {}); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("more than 0.5 s apart")));
+  AssociationOptions sparse;
+  sparse.max_gap_s = apart_s + 0.1;
+  EXPECT_GT(associate(estimate, truth, sparse).size(), 30u);
+}
+
 TEST(Evaluation, NearestStampsMatchOneToOneAndTheClosestFirst) {
   const auto at = [](double ms) { return StampedPose{nanoseconds(1 + ms * 1e-3), {}}; };
   AssociationOptions nearest;

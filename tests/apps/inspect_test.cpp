@@ -11,6 +11,7 @@
 #include "apps/inspect_pictures.h"
 #include "apps/json_file.h"
 #include "apps/png_file.h"
+#include "apps/thermal_truth_file.h"
 #include "tests/apps/command_run.h"
 #include "tests/apps/temporary_folder.h"
 
@@ -64,6 +65,24 @@ TEST(Inspect, KeepsOnlyTheLastFieldAsLargeAsTheImage) {
   ASSERT_GE(inspection.fields.size(), 2u);
   EXPECT_EQ(inspection.fields.front().field.size(), cv::Size(640, 512) / kTruthCell);
   EXPECT_EQ(inspection.fields.back().field.size(), cv::Size(640, 512));
+}
+
+// The truth has fields twice a second, whatever the estimate could see meanwhile.
+TEST(Inspect, KeepsFieldsOfTheImagesThatItIsAskedFor) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard";
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 8 --out " + yard.string()),
+      "");
+  const DroneFolder drone = find_drones(yard).front();
+  const std::vector<ThermalTruthRecord> truth = read_thermal_truth(drone.mav0).value();
+  EXPECT_EQ(field_stamps(truth), (std::vector<TimeNs>{truth[0].stamp_ns, truth[4].stamp_ns}));
+  InspectionConfig config;
+  config.field_stamps = {truth[2].stamp_ns - 1, truth[3].stamp_ns, truth[4].stamp_ns};
+  const auto fields = inspect_flight(drone, config, [](std::size_t, std::size_t) {}).fields;
+  ASSERT_EQ(fields.size(), 2u);
+  EXPECT_EQ(fields[0].stamp_ns, truth[3].stamp_ns);
+  EXPECT_EQ(fields[1].stamp_ns, truth[4].stamp_ns);
 }
 
 // As a flight does.

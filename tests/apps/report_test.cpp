@@ -12,6 +12,7 @@
 #include <regex>
 #include <stdexcept>
 
+#include "apps/report_data.h"
 #include "apps/run_files.h"
 #include "apps/run_summary.h"
 #include "apps/svg.h"
@@ -347,6 +348,18 @@ TEST_F(Report, DrawsDronesOfClocksThatAreYearsApartEachOverItsOwnTime) {
   EXPECT_THAT(html, AllOf(HasSubstr(">time since its own start, s<"), HasSubstr("payload sent")));
   EXPECT_THAT(html, Not(HasSubstr(">time, s<")));
   EXPECT_THAT(html, HasSubstr("<li>the drones flew at times far apart"));
+}
+
+TEST_F(Report, DividesWhatADroneSendsByItsOwnFlight) {
+  constexpr TimeNs kLater_ns = kStart_ns + 2'000'000'000;
+  write_flight(run() / "uav1", 0.1, kLater_ns);
+  write_records(run() / "uav1", kLater_ns);
+  const RunData data = read_run(run());
+  EXPECT_NEAR(seconds_between(data.start_ns, data.end_ns), 2 + 89 / 30.0, 1e-3);
+  for (const AgentRun& agent : data.agents) {
+    EXPECT_NEAR(flown_s(agent).value(), 89 / 30.0, 1e-3) << agent.name;
+  }
+  EXPECT_FALSE(flown_s({}).has_value());
 }
 
 TEST_F(Report, DrawsAFlightWithOneStampThatIsYearsOff) {

@@ -25,6 +25,7 @@ RunData run_with(const std::string& exchange, std::int64_t messages, std::int64_
   for (const char* name : {"uav0", "uav1"}) {
     AgentRun agent;
     agent.name = name;
+    agent.last_ns = nanoseconds(10);
     agent.accuracy.emplace().se3 = {0.3, 0.25, 0.1, {}};
     agent.alone_accuracy.emplace().se3 = {0.4, 0.35, 0.2, {}};
     agent.summary.stage_ms.track = 2.5;
