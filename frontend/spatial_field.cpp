@@ -190,10 +190,11 @@ cv::Mat SpatialField::image(double units_per_sigma) const {
     column = (1 - fy) * node_rows.col(c.y) + fy * node_rows.col(c.y + 1);
     column = (column * static_cast<float>(units_per_sigma)).max(-kMost).min(kMost);
     auto* out = field.ptr<std::int16_t>(y);
-    for (int cell = 0; cell + 1 < columns_; ++cell) {
+    for (int cell = 0, begin = 0, end = 0; cell + 1 < columns_; ++cell, begin = end) {
       const auto left = static_cast<float>(cell) * cell_px;
-      const int begin = static_cast<int>(std::ceil(left));
-      const int end = std::min(field.cols, static_cast<int>(std::ceil(left + cell_px)));
+      const auto right = static_cast<float>(cell + 1) * cell_px;
+      end = cell + 2 < columns_ ? std::min(field.cols, static_cast<int>(std::ceil(right)))
+                                : field.cols;
       const float slope = (column(cell + 1) - column(cell)) / cell_px;
       const float start = column(cell) + slope * (static_cast<float>(begin) - left) + 0.5F;
       const auto step = static_cast<int>(slope * (1 << kFraction));

@@ -197,5 +197,26 @@ TEST(SpatialField, ImageIsTheFieldBetweenTheNodes) {
   }
 }
 
+// Where a cell ends and the next one begins is not always the same number in floating point.
+TEST(SpatialField, EveryColumnIsOfSomeCellWhateverTheGrid) {
+  SpatialConfig config;
+  for (config.cells_across = 50; config.cells_across <= 70; config.cells_across += 10) {
+    for (const int width : {256, 320, 512, 640, 1024}) {
+      const cv::Size size(width, width / 4);
+      SpatialField field(config, size);
+      std::vector<FieldDifference> slope;
+      for (int x = 0; x + 40 < width; x += 10) {
+        slope.push_back({{x + 0.0, 10}, {x + 40.0, 12}, 0, x < width / 2 ? 0.4 : -0.4});
+      }
+      field.update(0.2, slope);
+      const cv::Mat image = field.image(1000);
+      for (int x = 0; x < width; ++x) {
+        ASSERT_NEAR(image.at<std::int16_t>(20, x), 1000 * field.at({x * 1.0, 20}), 2)
+            << config.cells_across << " cells, column " << x << " of " << width;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace covey
