@@ -322,6 +322,7 @@ std::vector<KeyframeMatch> Collaborator::revisit() {
   NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
                                                config_.max_revisits);
   for (const Keyframe& old : database_.keyframes()) {
+    if (&old == newest) break;
     if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
     nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
   }

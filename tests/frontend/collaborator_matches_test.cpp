@@ -149,6 +149,20 @@ TEST(Collaborator, ReturningToAnOwnPlaceIsNoticed) {
   EXPECT_EQ(drone.report().revisits, 1);
 }
 
+TEST(Collaborator, ReturningIsNoticedHoweverYoungAPlaceMayBe) {
+  CollaboratorConfig config;
+  config.agent = "uav0";
+  config.loop_min_age_s = 0;
+  Collaborator drone(config, visual_vocabulary(), testing::camera());
+  const Scene scene = make_scene(80, {12, 0, 0}, 42);
+  look(drone, scene, level_camera({0, 0, 0}), 1.0, kOwnIds);
+  EXPECT_TRUE(drone.revisit().empty()) << "nothing is a return to itself";
+  look(drone, scene, level_camera({0.5, 1.5, 0.3}, 0.1), 2.0, kPeerIds);
+  const std::vector<KeyframeMatch> revisited = drone.revisit();
+  ASSERT_EQ(revisited.size(), 1u);
+  EXPECT_EQ(revisited[0].other.stamp_ns, nanoseconds(1));
+}
+
 TEST(Collaborator, WhatIsStillTrackedClosesNoLoop) {
   Collaborator drone = make_drone("uav0");
   const Scene scene = make_scene(80, {12, 0, 0}, 42);
