@@ -137,10 +137,8 @@ Pipeline::Pipeline(const AgentConfig& config, const SensorSetup& sensors,
   }
   if (lags_ || line_delay_s_ != 0) pixel_lag_.emplace(sensors.camera, line_delay_s_);
   if (config.agent.mode == FlightMode::kCollaborative) {
-    const std::string& vocabulary = config.agent.vocabulary;
-    const std::string suits = sensors.thermal ? "thermal" : "visual";
     collaborator_.emplace(collaborator_config(config, initialisation_.has_truth()),
-                          load_vocabulary(vocabulary.empty() ? suits : vocabulary), sensors.camera);
+                          vocabulary_of(config, sensors.thermal), sensors.camera);
     if (config.fusion.mode == FusionMode::kJoint) {
       drift_.emplace(drift_config(config.fusion, initialisation_.has_truth()), config.agent.name);
     }

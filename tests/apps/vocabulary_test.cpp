@@ -128,6 +128,40 @@ TEST(LoadVocabulary, KnowsTheShippedOnesAndFiles) {
   EXPECT_EQ(loaded.words[1], visual_vocabulary().words[5]);
 }
 
+std::string complaint_of_flying_with(const AgentConfig& config) {
+  try {
+    (void)vocabulary_of(config, false);
+    return "";
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+}
+
+TEST(VocabularyOf, RefusesMoreWordsThanAQuestionHasRoomForWhereTheyAreSent) {
+  const TemporaryFolder folder;
+  Vocabulary vocabulary;
+  vocabulary.words.assign(128, visual_vocabulary().words[0]);
+  AgentConfig config;
+  config.agent.vocabulary = (folder.path() / "words.txt").string();
+  config.collaboration.exchange = ExchangeMode::kPaper;
+  write_vocabulary(config.agent.vocabulary, vocabulary);
+  EXPECT_EQ(complaint_of_flying_with(config), "");
+
+  vocabulary.words.push_back(visual_vocabulary().words[1]);
+  write_vocabulary(config.agent.vocabulary, vocabulary);
+  const std::string named = "agent.vocabulary '" + config.agent.vocabulary + "': 129 words";
+  EXPECT_THAT(complaint_of_flying_with(config), HasSubstr(named));
+  config.collaboration.exchange = ExchangeMode::kCompact;
+  for (const PlaceMode mode : {PlaceMode::kPaper, PlaceMode::kMajority}) {
+    config.collaboration.place_mode = mode;
+    EXPECT_THAT(complaint_of_flying_with(config), HasSubstr(named));
+  }
+  config.collaboration.place_mode = PlaceMode::kCompact;
+  EXPECT_EQ(complaint_of_flying_with(config), "") << "corners go along, not words";
+  config.collaboration.exchange = ExchangeMode::kNaive;
+  EXPECT_EQ(complaint_of_flying_with(config), "") << "nothing is asked";
+}
+
 TEST(LoadVocabulary, NamesTheFileThatIsWrong) {
   const TemporaryFolder folder;
   EXPECT_THAT(complaint_of_loading("infrared"), HasSubstr("'infrared': cannot be read"));
