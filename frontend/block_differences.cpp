@@ -231,16 +231,20 @@ int square_side(cv::Size image) {
   return std::max(1, image.width / kAcross);
 }
 
-cv::Mat square_means(const cv::Mat& image, int side_px, const cv::Mat& mask) {
+cv::Mat shown_squares(const cv::Mat& mask, int side_px) {
+  cv::Mat shown(mask.rows / side_px, mask.cols / side_px, CV_8UC1, cv::Scalar(255));
+  for (int y = 0; y < shown.rows; ++y)
+    for (int x = 0; x < shown.cols; ++x) {
+      const cv::Rect square(x * side_px, y * side_px, side_px, side_px);
+      if (cv::countNonZero(mask(square)) < square.area()) shown.at<std::uint8_t>(y, x) = 0;
+    }
+  return shown;
+}
+
+cv::Mat square_means(const cv::Mat& image, int side_px, const cv::Mat& shown) {
   cv::Mat levels = image.depth() == CV_8U ? means<std::uint8_t>(image, side_px)
                                           : means<std::uint16_t>(image, side_px);
-  if (mask.empty()) return levels;
-  for (int y = 0; y < levels.rows; ++y)
-    for (int x = 0; x < levels.cols; ++x) {
-      const cv::Rect square(x * side_px, y * side_px, side_px, side_px);
-      if (cv::countNonZero(mask(square)) < square.area())
-        levels.at<float>(y, x) = std::numeric_limits<float>::quiet_NaN();
-    }
+  if (!shown.empty()) levels.setTo(std::numeric_limits<float>::quiet_NaN(), shown == 0);
   return levels;
 }
 

@@ -33,10 +33,14 @@ struct Sight {
 // Of the squares of an image, px.
 [[nodiscard]] int square_side(cv::Size image);
 
+// CV_8UC1, zero for each square with a pixel that `mask` (as the tracker's) leaves out; empty
+// without a mask.
+[[nodiscard]] cv::Mat shown_squares(const cv::Mat& mask, int side_px);
+
 // Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white), or that
-// `mask` (as the tracker's) leaves out, has no mean: NaN.
+// is not among those `shown`, has no mean: NaN.
 [[nodiscard]] cv::Mat square_means(const cv::Mat& image, int side_px,
-                                   const cv::Mat& mask = cv::Mat());
+                                   const cv::Mat& shown = cv::Mat());
 
 // Half the blocks lie on the grid now, the other half did before, as on a chessboard. A block's
 // counterpart is interpolated and so has a little less contrast: were it always the earlier one,

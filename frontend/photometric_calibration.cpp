@@ -172,7 +172,7 @@ bool plausible(const std::vector<int>& levels) {
 PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, cv::Size image_size,
                                                const cv::Mat& mask)
     : config_(config),
-      mask_(mask),
+      shown_(shown_squares(mask, square_side(image_size))),
       shutter_(config.shutter),
       gain_(config.gain),
       field_(config.field, image_size),
@@ -343,7 +343,7 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
 // The current image as the field is looked for in it.
 Sight PhotometricCalibration::sight() const {
   const int side_px = square_side(image_.size());
-  Sight sight{side_px, square_means(image_, side_px, mask_), seen_};
+  Sight sight{side_px, square_means(image_, side_px, shown_), seen_};
   for (const cv::Point& bad : bad_pixels_) {
     const cv::Point square = bad / side_px;
     if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;

@@ -107,7 +107,7 @@ class PhotometricCalibration {
   [[nodiscard]] std::vector<int> levels() const;
 
   PhotometricConfig config_;
-  cv::Mat mask_;
+  cv::Mat shown_;  // squares that the mask leaves whole
   ShutterDetector shutter_;
   TemporalGain gain_;
   SpatialField field_;

@@ -135,11 +135,19 @@ void FieldSight(benchmark::State& state) {
   const cv::Mat image = scene(CV_8UC1, 0);
   for (auto _ : state) benchmark::DoNotOptimize(square_means(image, 4).data);
 }
+void FieldSightMasked(benchmark::State& state) {
+  const cv::Mat image = scene(CV_8UC1, 0);
+  cv::Mat mask(kImage, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, 100) = 0;
+  const cv::Mat shown = shown_squares(mask, 4);
+  for (auto _ : state) benchmark::DoNotOptimize(square_means(image, 4, shown).data);
+}
 void FieldBlocks(benchmark::State& state) {
   const Sight before = sight(0), now = sight(6);
   for (auto _ : state) benchmark::DoNotOptimize(compare_blocks(before, now, BlockConfig{}).data());
 }
 BENCHMARK(FieldSight)->Unit(benchmark::kMillisecond);
+BENCHMARK(FieldSightMasked)->Unit(benchmark::kMillisecond);
 BENCHMARK(FieldBlocks)->Unit(benchmark::kMillisecond);
 
 void FieldUpdate(benchmark::State& state) {

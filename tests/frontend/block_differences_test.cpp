@@ -141,9 +141,10 @@ TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
   const cv::Mat image(8, 12, CV_8UC1, cv::Scalar(100));
   cv::Mat mask(8, 12, CV_8UC1, cv::Scalar(255));
   mask.at<std::uint8_t>(3, 8) = 0;
-  const cv::Mat means = square_means(image, 4, mask);
+  const cv::Mat means = square_means(image, 4, shown_squares(mask, 4));
   EXPECT_TRUE(std::isnan(means.at<float>(0, 2)));
   EXPECT_EQ(cv::countNonZero(means == 100), 5);
+  EXPECT_TRUE(shown_squares(cv::Mat(), 4).empty());
 }
 
 TEST(BlockDifferences, ASensorOfFourteenBitsSaturatesBelowItsImagesWhite) {
