@@ -216,8 +216,12 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
 // with little of a field.
 void PhotometricCalibration::restart(const cv::Mat& image) {
   const bool corrected = blind_ && chain_ns_ != 0;
+  const double unit_before = sigma_ / gain_.latest().gain;  // grey levels, now
   chain_ns_ = stamp_ns_;
   choose_units(image);
+  // The stripes stay what they are in the sensor's own levels. What a chain that has gone astray
+  // took for its gain says nothing of them.
+  if (corrected) stripes_.scale(static_cast<float>(unit_before / sigma_));
   gain_.restart({});
   field_.reset(corrected ? config_.field.corrected_share : 1);
   stripes_.doubt();

@@ -115,6 +115,11 @@ void StripePattern::look(const cv::Mat& levels) {
 
 void StripePattern::doubt() { looks_ = std::min(looks_, config_.kept); }
 
+void StripePattern::scale(float factor) {
+  for (float& step : column_steps_) step *= factor;
+  for (float& step : row_steps_) step *= factor;
+}
+
 void StripePattern::add_to(cv::Mat& image) const {
   if (looks_ == 0) return;
   const float trust = static_cast<float>(looks_) / static_cast<float>(looks_ + config_.trial);

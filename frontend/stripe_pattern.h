@@ -30,6 +30,8 @@ class StripePattern {
   void look(const cv::Mat& levels);
   // The sensor has corrected itself: what was seen counts less.
   void doubt();
+  // Levels have become `factor` times what they were, and the stripes with them.
+  void scale(float factor);
 
   // Adds the stripes, levels, to an image of CV_16SC1.
   void add_to(cv::Mat& image) const;

@@ -285,6 +285,44 @@ TEST(PhotometricCalibration, TakesOffWhatColumnsReadTooMuch) {
   EXPECT_LT(left(true, true), 0.3 * left(false, true));
 }
 
+// How much of the columns' pattern is left in `shown` of what is in `scene`, both as steps along
+// rows: regression on the pattern and on the rest of the scene, so that its contrast does not count.
+double share_left(const cv::Mat& columns, const cv::Mat& scene, const cv::Mat& shown) {
+  const auto steps = [](const cv::Mat& image) {
+    cv::Mat wide;
+    image.convertTo(wide, CV_32F);
+    return cv::Mat(wide.colRange(1, wide.cols) - wide.colRange(0, wide.cols - 1));
+  };
+  const cv::Mat pattern = cv::repeat(steps(columns), scene.rows, 1);
+  const cv::Mat rest = steps(scene) - pattern, seen = steps(shown);
+  const double pp = pattern.dot(pattern), rr = rest.dot(rest), pr = pattern.dot(rest);
+  const double ps = pattern.dot(seen), rs = rest.dot(seen);
+  return (ps * rr - rs * pr) / (rs * pp - ps * pr);
+}
+
+// Radiometric: columns read as much too much as before, whatever the scene.
+TEST(PhotometricCalibration, StripesStayTheSensorsWhenTheSceneHasAnotherContrastAfterTheShutter) {
+  cv::Mat columns(1, kImage.width, CV_32FC1);
+  cv::RNG(9).fill(columns, cv::RNG::NORMAL, 0, 1);
+  for (const double contrast : {0.3, 1.0, 3.0}) {
+    SyntheticThermal camera(3);
+    camera.field_sigma = 2;
+    camera.stripes = cv::repeat(columns, kImage.height, 1);
+    PhotometricConfig config = free_gain();
+    config.tone.contrast = Contrast::kLinear;
+    PhotometricCalibration calibration(config, kImage);
+    (void)fly(camera, calibration, 200, true);
+    (void)calibration.correct(camera.stamp_ns(), cv::Mat(kImage, CV_16UC1, 30000.0), {});
+    camera.advance();
+    camera.contrast = contrast;
+    const cv::Mat image = camera.expose(true);
+    const CalibratedImage seen = calibration.correct(camera.stamp_ns(), image, camera.tracks());
+    ASSERT_TRUE(seen.restarted);
+    EXPECT_NEAR(share_left(columns, image * (camera.gain / 100), seen.pixels), 0.25, 0.15)
+        << contrast;
+  }
+}
+
 TEST(PhotometricCalibration, ASaturatedHalfDoesNotSteerTheGain) {
   SyntheticThermal camera(6);
   camera.saturated_half = true;

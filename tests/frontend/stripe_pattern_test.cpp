@@ -123,6 +123,15 @@ TEST(StripePattern, NothingSeenNothingFound) {
   EXPECT_EQ(cv::countNonZero(image), 0);
 }
 
+TEST(StripePattern, IsScaledWithTheLevels) {
+  Scene scene(6);
+  scene.stripe(8, 6);
+  StripePattern pattern({}, kImage);
+  const cv::Mat found = found_after(60, scene, pattern);
+  pattern.scale(3);
+  EXPECT_LE(cv::norm(found_after(0, scene, pattern), 3 * found, cv::NORM_INF), 3) << "roundings";
+}
+
 TEST(StripePattern, GivesWayToAnotherSoonerOnceDoubted) {
   const auto left_after = [](bool doubted) {
     Scene scene(5);

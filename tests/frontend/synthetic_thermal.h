@@ -23,6 +23,7 @@ class SyntheticThermal {
 
   double field_sigma = 8;       // grey levels of the first image
   double noise = 0.5;           // grey levels
+  double contrast = 1;          // of the scene alone
   double gain = 1, offset = 0;  // of the current image: what takes it to the first one's levels
   bool saturated_half = false;
   int white16 = 65535;  // largest value of a sensor of 16 bits or fewer
@@ -34,7 +35,7 @@ class SyntheticThermal {
     cv::Mat cells(kPlane / 12, kPlane / 12, CV_32FC1);
     fill(cells);
     cv::resize(cells, plane_, plane_.size(), 0, 0, cv::INTER_CUBIC);
-    plane_ = 128 + 30 * plane_;
+    plane_ = kMean + 30 * plane_;
     cv::Mat slow(3, 4, CV_32FC1);
     fill(slow);
     cv::resize(slow, field_, {kWidth, kHeight}, 0, 0, cv::INTER_CUBIC);
@@ -80,6 +81,7 @@ class SyntheticThermal {
     const cv::Matx23d to_plane(R(0, 0), R(0, 1), corner.x(), R(1, 0), R(1, 1), corner.y());
     cv::warpAffine(plane_, scene, to_plane, {kWidth, kHeight},
                    cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REFLECT);
+    scene = contrast * scene + (1 - contrast) * kMean;
     cv::Mat grain(scene.size(), CV_32FC1);
     fill(grain);
     scene += field() + noise * grain;
@@ -100,7 +102,8 @@ class SyntheticThermal {
   }
 
  private:
-  static constexpr int kPlane = 1400;  // px
+  static constexpr int kPlane = 1400;    // px
+  static constexpr double kMean = 128;   // grey level
   static constexpr std::size_t kTracks = 200;
 
   void fill(cv::Mat& values) {
