@@ -112,6 +112,25 @@ std::optional<double> median_travel(const std::vector<TrackGrey>& before,
   return median(std::move(travels));
 }
 
+// Pixels that differ from their neighbours' median by so many of what is typical, by rows.
+std::vector<cv::Point> standing_out(const cv::Mat& image, double deviations) {
+  constexpr double kPerMeanAbsolute = 1.25;  // standard deviation
+  cv::Mat smooth, difference, above;
+  cv::medianBlur(image, smooth, 3);
+  cv::absdiff(image, smooth, difference);
+  double total = 0;
+  int count = 0;
+  for (int y = 0; y < image.rows; y += kSampleStep, ++count) {
+    const cv::Mat row = difference.row(y);
+    total += cv::mean(row)[0];
+  }
+  const double typical = std::max(0.5, total / std::max(1, count));
+  cv::compare(difference, deviations * kPerMeanAbsolute * typical, above, cv::CMP_GT);
+  std::vector<cv::Point> found;
+  cv::findNonZero(above, found);
+  return found;
+}
+
 // The mean of the pixels beside it that are not replaced themselves.
 void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
   const auto is_bad = [&bad](const cv::Point& p) {
@@ -358,26 +377,11 @@ Sight PhotometricCalibration::sight() const {
   return sight;
 }
 
-// Pixels that always stand out against their neighbours, while the scene moves past them.
+// Pixels that always stand out against their neighbours, while the scene moves past them. Many
+// stand out once in a busy scene, hardly any for long.
 void PhotometricCalibration::find_bad_pixels(const cv::Mat& image) {
-  cv::Mat smooth, difference;
-  cv::medianBlur(image, smooth, 3);
-  cv::absdiff(image, smooth, difference);
-  double total = 0;
-  int count = 0;
-  for (int y = 0; y < image.rows; y += kSampleStep, ++count) {
-    const cv::Mat row = difference.row(y);
-    total += cv::mean(row)[0];
-  }
   constexpr int kPlausible = 500;  // one pixel in so many may be bad; more is something else
-  const double typical = std::max(0.5, total / std::max(1, count));  // mean absolute deviation
-  cv::Mat standing_out;
-  cv::compare(difference, config_.bad_pixels.deviations * 1.25 * typical, standing_out, cv::CMP_GT);
-  std::vector<cv::Point> found;
-  const int outstanding = cv::countNonZero(standing_out);
-  if (outstanding > 0 && outstanding < static_cast<int>(image.total()) / kPlausible) {
-    cv::findNonZero(standing_out, found);
-  }
+  std::vector<cv::Point> found = standing_out(image, config_.bad_pixels.deviations);
   std::vector<int> suspicion(found.size(), 1);
   for (std::size_t i = 0; i < found.size(); ++i) {
     const auto before = std::lower_bound(suspects_.begin(), suspects_.end(), found[i], by_rows);
@@ -390,6 +394,7 @@ void PhotometricCalibration::find_bad_pixels(const cv::Mat& image) {
   for (std::size_t i = 0; i < suspects_.size(); ++i) {
     if (suspicion_[i] >= config_.bad_pixels.checks) bad_pixels_.push_back(suspects_[i]);
   }
+  if (bad_pixels_.size() >= image.total() / kPlausible) bad_pixels_.clear();
 }
 
 void PhotometricCalibration::build_table(const GainOffset& map) {

@@ -235,6 +235,35 @@ TEST(PhotometricCalibration, ReplacesHotPixelsAndNoOthers) {
   }
 }
 
+std::vector<cv::Point> anywhere(int count) {
+  cv::RNG random(11);
+  std::vector<cv::Point> points;
+  for (int i = 0; i < count; ++i) {
+    points.emplace_back(random.uniform(0, kImage.width), random.uniform(0, kImage.height));
+  }
+  return points;
+}
+
+TEST(PhotometricCalibration, ReplacesHotPixelsBeforeASceneFullOfSmallThingsToo) {
+  SyntheticThermal camera(5);
+  camera.sprinkle(0.005);  // one pixel in 500 would be as many as may be bad
+  camera.hot_pixels = anywhere(20);
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  (void)fly(camera, calibration, 200);
+  EXPECT_GE(calibration.bad_pixels().size(), 18U);
+  for (const cv::Point& bad : calibration.bad_pixels()) {
+    EXPECT_EQ(std::count(camera.hot_pixels.begin(), camera.hot_pixels.end(), bad), 1) << bad;
+  }
+}
+
+TEST(PhotometricCalibration, MorePixelsThanASensorHasBadOnesAreSomethingElse) {
+  SyntheticThermal camera(5);
+  camera.hot_pixels = anywhere(kImage.area() / 250);
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage);
+  (void)fly(camera, calibration, 200);
+  EXPECT_TRUE(calibration.bad_pixels().empty());
+}
+
 // Nothing tells the sensor's pattern and bad pixels from the scene and small warm things until it
 // moves, and nobody knows whether it does who follows no track.
 TEST(PhotometricCalibration, TheSceneIsNotTheSensorWhileItStandsStill) {

@@ -43,6 +43,15 @@ class SyntheticThermal {
     while (landmarks_.size() < kTracks) add_track();
   }
 
+  // Small hot things all over the plane, on so many of its pixels.
+  void sprinkle(double share) {
+    std::uniform_int_distribution<int> anywhere(0, kPlane - 1);
+    const int things = static_cast<int>(share * kPlane * kPlane);
+    for (int i = 0; i < things; ++i) {
+      plane_.at<float>(anywhere(random_), anywhere(random_)) += 100;
+    }
+  }
+
   // Moves on: the camera circles and sways, tracks leave and new ones come.
   void advance() {
     time_s_ += kPeriod_s;
