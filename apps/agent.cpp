@@ -206,21 +206,24 @@ void Agent::count(const UpdateReport& update) {
   spdlog::warn("lost at image {} ns; starting anew", last_ns_);
 }
 
+// An image that is merely given twice is counted, but nothing to speak of.
 void Agent::count(TimeNs stamp_ns, ImageContent content) {
-  const bool blind = content != ImageContent::kScene;
-  if (content == ImageContent::kRepeated) ++repeated_images_;
-  if (content == ImageContent::kUniform) ++uniform_images_;
-  if (blind && !blind_since_ns_) {
-    blind_since_ns_ = stamp_ns;
-    spdlog::warn("image {} ns {}: flying on inertial propagation until the camera sees again",
-                 stamp_ns,
-                 content == ImageContent::kUniform ? "is uniform" : "repeats the one before");
+  if (content == ImageContent::kScene) {
+    if (blind_) {
+      spdlog::info("the camera sees again after {:.2f} s",
+                   seconds_between(*unseen_since_ns_, stamp_ns));
+    }
+    unseen_since_ns_.reset();
+    blind_ = false;
+    return;
   }
-  if (!blind && blind_since_ns_) {
-    spdlog::info("the camera sees again after {:.2f} s",
-                 seconds_between(*blind_since_ns_, stamp_ns));
-    blind_since_ns_.reset();
-  }
+  const bool uniform = content == ImageContent::kUniform;
+  ++(uniform ? uniform_images_ : repeated_images_);
+  if (!unseen_since_ns_) unseen_since_ns_ = stamp_ns;
+  if (blind_ || !is_blind(content)) return;
+  blind_ = true;
+  spdlog::warn("image {} ns {}: flying on inertial propagation until the camera sees again",
+               stamp_ns, uniform ? "is uniform" : "still shows what those before it did");
 }
 
 void Agent::tell_predicted() {

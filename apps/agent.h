@@ -145,7 +145,8 @@ class Agent {
   UpdateReport filter_;  // sums over all images
   int zero_velocity_images_ = 0, reinitialized_ = 0;
   int repeated_images_ = 0, uniform_images_ = 0;
-  std::optional<TimeNs> blind_since_ns_;
+  std::optional<TimeNs> unseen_since_ns_;  // without a scene
+  bool blind_ = false;                     // and that was said
   bool warned_of_namesake_ = false, warned_of_crowd_ = false, warned_of_port_ = false,
        warned_of_start_ = false, warned_of_rows_ = false;
   std::map<std::string, int> moves_told_;  // of peers' worlds

@@ -128,7 +128,9 @@ void visit_stripes(ThermalConfig& thermal, ConfigVisitor& v) {
 void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
   PhotometricConfig& p = thermal.photometric;
   v.number("repeated_share", p.shutter.repeated_share, {0.5, 1},
-           "of pixels unchanged in an image that was repeated: the shutter is closed");
+           "of pixels unchanged in an image that was repeated: it is passed over");
+  v.number("frozen_s", p.shutter.frozen_s, {0, 1e3},
+           "[s] without another image, from which on the shutter is closed");
   v.number("uniform_noises", p.shutter.uniform_noises, {0, 1e3},
            "standard deviations of noise over which a scene spreads at least");
   v.number("uniform_range", p.shutter.uniform_range, {0, 65535},

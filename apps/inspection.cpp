@@ -81,8 +81,11 @@ class Observer {
  private:
   void keep(const ImageResult& result) {
     const TimeNs stamp_ns = result.timing.stamp_ns;
-    if (result.content == ImageContent::kRepeated) ++flight_.repeated_images;
-    if (result.content == ImageContent::kUniform) ++flight_.uniform_images;
+    if (result.content == ImageContent::kUniform) {
+      ++flight_.uniform_images;
+    } else if (result.content != ImageContent::kScene) {
+      ++flight_.repeated_images;
+    }
     if (result.update.reinitialized) ++flight_.filter_restarts;
     if (result.content == ImageContent::kScene) {
       const auto tracks = static_cast<double>(result.frame.features.size());

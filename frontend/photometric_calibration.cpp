@@ -203,9 +203,10 @@ PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, 
 CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& image,
                                                 const std::vector<TrackPlace>& expected) {
   CalibratedImage result;
-  result.content = shutter_.look(image);
+  result.content = shutter_.look(stamp_ns, image);
   if (result.content != ImageContent::kScene) {
-    blind_ = true;
+    blind_ = blind_ || is_blind(result.content);
+    image_.release();
     return result;
   }
   const double elapsed_s = stamp_ns_ == 0 ? 0 : seconds_between(stamp_ns_, stamp_ns);
@@ -286,7 +287,7 @@ FieldAt PhotometricCalibration::field_at() const {
 }
 
 void PhotometricCalibration::observe(const std::vector<TrackPlace>& tracks) {
-  if (blind_) return;
+  if (image_.empty()) return;
   seen_ = look(tracks);
   if (config_.temporal) {
     gain_.add(stamp_ns_, seen_, field_at(), told_, like_the_first());

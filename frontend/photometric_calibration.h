@@ -75,7 +75,7 @@ class PhotometricCalibration {
   // `expected`: where the tracker will look for its tracks in it.
   [[nodiscard]] CalibratedImage correct(TimeNs stamp_ns, const cv::Mat& image,
                                         const std::vector<TrackPlace>& expected);
-  // Where they were found in that image.
+  // Where they were found in that image. Of one that shows no scene nothing is learnt.
   void observe(const std::vector<TrackPlace>& tracks);
 
   // As the tracks of the last image have it, better than the map by which it was shown to them.
@@ -118,7 +118,7 @@ class PhotometricCalibration {
   double travelled_px_ = 0;           // by the scene, since the stripes were looked at
   ToneCurve tone_;
 
-  cv::Mat image_;    // the current one, as it came
+  cv::Mat image_;    // the current one, as it came; empty when it shows no scene
   int white_ = 255;  // its grey level where the sensor is saturated
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;

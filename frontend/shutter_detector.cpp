@@ -55,7 +55,7 @@ double noise_of(const cv::Mat& image) {
 
 }  // namespace
 
-ImageContent ShutterDetector::look(const cv::Mat& image) {
+ImageContent ShutterDetector::look(TimeNs stamp_ns, const cv::Mat& image) {
   const bool wide = image.depth() == CV_16U;
   std::vector<std::uint16_t> sample =
       wide ? thinned<std::uint16_t>(image) : thinned<std::uint8_t>(image);
@@ -70,7 +70,12 @@ ImageContent ShutterDetector::look(const cv::Mat& image) {
   const double noise = wide ? noise_of<std::uint16_t>(image) : noise_of<std::uint8_t>(image);
   const double limit = std::max(config_.uniform_range, config_.uniform_noises * noise);
   if (spread(last_) <= limit) return ImageContent::kUniform;
-  return repeated ? ImageContent::kRepeated : ImageContent::kScene;
+  if (!repeated) {
+    scene_ns_ = stamp_ns;
+    return ImageContent::kScene;
+  }
+  return seconds_between(scene_ns_, stamp_ns) < config_.frozen_s ? ImageContent::kRepeated
+                                                                 : ImageContent::kFrozen;
 }
 
 }  // namespace covey

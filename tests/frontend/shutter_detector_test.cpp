@@ -8,6 +8,8 @@
 namespace covey {
 namespace {
 
+constexpr TimeNs kStart_ns = 1'000'000'000;
+
 // What a kelvin is worth, and how noisy it is.
 struct Camera {
   double counts_per_kelvin = 0;
@@ -34,7 +36,7 @@ TEST(ShutterDetector, TellsAShutterFromAFaintSceneWhateverACountIsWorth) {
   const cv::Mat kelvin = scene(), shutter(kelvin.size(), CV_32FC1, cv::Scalar(1));
   for (const Camera& camera : {Camera{10}, Camera{100}, Camera{1000}, Camera{100, 0.1}}) {
     const auto content = [&](const cv::Mat& seen, unsigned seed) {
-      return ShutterDetector(ShutterConfig{}).look(exposed(camera, seen, seed));
+      return ShutterDetector(ShutterConfig{}).look(kStart_ns, exposed(camera, seen, seed));
     };
     EXPECT_EQ(content(kelvin, 1), ImageContent::kScene) << camera.counts_per_kelvin;
     EXPECT_EQ(content(shutter, 2), ImageContent::kUniform) << camera.counts_per_kelvin;
@@ -44,9 +46,26 @@ TEST(ShutterDetector, TellsAShutterFromAFaintSceneWhateverACountIsWorth) {
 TEST(ShutterDetector, AnImageLikeTheLastOneIsRepeated) {
   ShutterDetector detector(ShutterConfig{});
   const cv::Mat kelvin = scene();
-  EXPECT_EQ(detector.look(exposed({100}, kelvin, 1)), ImageContent::kScene);
-  EXPECT_EQ(detector.look(exposed({100}, kelvin, 2)), ImageContent::kScene) << "other noise";
-  EXPECT_EQ(detector.look(exposed({100}, kelvin, 2)), ImageContent::kRepeated);
+  const auto look = [&](unsigned seed) {
+    return detector.look(kStart_ns, exposed({100}, kelvin, seed));
+  };
+  EXPECT_EQ(look(1), ImageContent::kScene);
+  EXPECT_EQ(look(2), ImageContent::kScene) << "other noise";
+  EXPECT_EQ(look(2), ImageContent::kRepeated);
+}
+
+TEST(ShutterDetector, AnImageGivenTwiceIsNoClosedShutterButOneThatStaysIs) {
+  ShutterDetector detector(ShutterConfig{});
+  const cv::Mat kelvin = scene();
+  const auto look = [&](double seconds, unsigned seed) {
+    return detector.look(kStart_ns + nanoseconds(seconds), exposed({100}, kelvin, seed));
+  };
+  EXPECT_EQ(look(0.00, 1), ImageContent::kScene);
+  EXPECT_EQ(look(0.05, 1), ImageContent::kRepeated);
+  EXPECT_EQ(look(0.10, 1), ImageContent::kRepeated);
+  EXPECT_EQ(look(0.15, 1), ImageContent::kFrozen);
+  EXPECT_EQ(look(0.20, 2), ImageContent::kScene);
+  EXPECT_EQ(look(0.25, 2), ImageContent::kRepeated);
 }
 
 }  // namespace
