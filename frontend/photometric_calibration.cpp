@@ -192,7 +192,7 @@ PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, 
                                                const cv::Mat& mask)
     : config_(config),
       shown_(shown_squares(mask, square_side(image_size))),
-      shutter_(config.shutter),
+      shutter_(config.shutter, mask),
       gain_(config.gain),
       field_(config.field, image_size),
       stripes_(config.stripe, image_size),

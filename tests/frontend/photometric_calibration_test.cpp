@@ -315,7 +315,8 @@ TEST(PhotometricCalibration, TakesOffWhatColumnsReadTooMuch) {
 }
 
 // How much of the columns' pattern is left in `shown` of what is in `scene`, both as steps along
-// rows: regression on the pattern and on the rest of the scene, so that its contrast does not count.
+// rows: regression on the pattern and on the rest of the scene, so that its contrast does not
+// count.
 double share_left(const cv::Mat& columns, const cv::Mat& scene, const cv::Mat& shown) {
   const auto steps = [](const cv::Mat& image) {
     cv::Mat wide;
@@ -386,6 +387,17 @@ TEST(PhotometricCalibration, AUniformImageShowsNothingAndTheNextStartsAnew) {
   EXPECT_EQ(seen.content, ImageContent::kScene);
   EXPECT_TRUE(seen.restarted);
   EXPECT_DOUBLE_EQ(seen.map.gain, 1);
+}
+
+TEST(PhotometricCalibration, AClosedShutterIsSeenBesideWhatAMaskLeavesOut) {
+  SyntheticThermal camera(7);
+  cv::Mat mask(kImage, CV_8UC1, cv::Scalar(255));
+  mask.colRange(0, 40) = 0;
+  PhotometricCalibration calibration(PhotometricConfig{}, kImage, mask);
+  fly(camera, calibration, 30);
+  cv::Mat closed(kImage, CV_8UC1, cv::Scalar(117));
+  camera.last_image().copyTo(closed, mask == 0);
+  EXPECT_EQ(calibration.correct(camera.stamp_ns(), closed, {}).content, ImageContent::kUniform);
 }
 
 // Like a camera whose output is twice as fast as it.

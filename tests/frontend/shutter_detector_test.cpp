@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <opencv2/imgproc.hpp>
+
 #include "tests/frontend/synthetic_view.h"
 
 namespace covey {
@@ -41,6 +43,41 @@ TEST(ShutterDetector, TellsAShutterFromAFaintSceneWhateverACountIsWorth) {
     EXPECT_EQ(content(kelvin, 1), ImageContent::kScene) << camera.counts_per_kelvin;
     EXPECT_EQ(content(shutter, 2), ImageContent::kUniform) << camera.counts_per_kelvin;
   }
+}
+
+// A fisheye's circle, or a rectified image's corners.
+cv::Mat within_a_circle(const cv::Size& size) {
+  cv::Mat mask(size, CV_8UC1, cv::Scalar(0));
+  cv::circle(mask, cv::Point(size / 2), size.height / 2, cv::Scalar(255), cv::FILLED);
+  return mask;
+}
+
+// With a mask whatever the surround shows; without one if it has always been black.
+TEST(ShutterDetector, ASurroundIsNotTheScene) {
+  const cv::Mat kelvin = scene(), shutter(kelvin.size(), CV_32FC1, cv::Scalar(1));
+  const cv::Mat circle = within_a_circle(kelvin.size());
+  for (const bool masked : {true, false}) {
+    ShutterDetector detector(ShutterConfig{}, masked ? circle : cv::Mat());
+    const auto look = [&](double seconds, const cv::Mat& seen, unsigned seed) {
+      cv::Mat image = exposed({100}, seen, seed);
+      image.setTo(masked ? seed * 1000 : 0, circle == 0);
+      return detector.look(kStart_ns + nanoseconds(seconds), image);
+    };
+    EXPECT_EQ(look(0.00, kelvin, 1), ImageContent::kScene) << masked;
+    EXPECT_EQ(look(0.05, shutter, 2), ImageContent::kUniform) << masked;
+    EXPECT_EQ(look(0.10, shutter, 3), ImageContent::kUniform) << masked;
+    EXPECT_EQ(look(0.15, kelvin, 4), ImageContent::kScene) << masked;
+    EXPECT_EQ(look(0.20, kelvin, 5), ImageContent::kScene) << masked;
+  }
+}
+
+// Automatic gain may make all but one thing black, which yet is a scene.
+TEST(ShutterDetector, AnEvenThingBeforeWhatHasTurnedBlackIsAScene) {
+  ShutterDetector detector(ShutterConfig{});
+  EXPECT_EQ(detector.look(kStart_ns, exposed({100}, scene(), 1)), ImageContent::kScene);
+  cv::Mat image = exposed({100}, cv::Mat(240, 320, CV_32FC1, cv::Scalar(1)), 2);
+  image.colRange(0, 200) = 0;
+  EXPECT_EQ(detector.look(kStart_ns + nanoseconds(0.05), image), ImageContent::kScene);
 }
 
 TEST(ShutterDetector, AnImageLikeTheLastOneIsRepeated) {

@@ -111,8 +111,8 @@ class SyntheticThermal {
   }
 
  private:
-  static constexpr int kPlane = 1400;    // px
-  static constexpr double kMean = 128;   // grey level
+  static constexpr int kPlane = 1400;   // px
+  static constexpr double kMean = 128;  // grey level
   static constexpr std::size_t kTracks = 200;
 
   void fill(cv::Mat& values) {
