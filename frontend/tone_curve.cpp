@@ -52,7 +52,7 @@ void ToneCurve::rebuild() {
   constexpr int kWide = kLevels / kBins;
   double grey = kDarkest;
   const double scale = (kBrightest - kDarkest) / (total * kWide);
-  const double tail = (kBrightest - kDarkest) / (bins * kWide) / 4;  // gently, up to the end
+  const double tail = (kBrightest - kDarkest) / (bins * kWide) / 4;  // gently, until black or white
   for (int level = 0; level < kLevels; ++level) {
     const auto bin = static_cast<std::size_t>(level / kWide);
     if (bin < low) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Calibrated grey levels to the 8 bits that the tracker looks at. The curve rises everywhere: no
-// two levels are folded into each other; and it changes slowly, so that a patch looks the same in
-// the next image.
+// Calibrated grey levels to the 8 bits that the tracker looks at. The curve never falls, rises over
+// the image's levels and a little beyond, and then is flat; and it changes slowly, so that a patch
+// looks the same in the next image.
 #pragma once
 
 #include <array>

@@ -41,6 +41,19 @@ TEST(ToneCurve, KeepsThirtyTwoLevelsApartWhereTheImageHasThem) {
   }
 }
 
+// Levels; the image has a deviation of 128 of them.
+TEST(ToneCurve, RisesALittleBeyondTheImageAndIsFlatFromThereOn) {
+  ToneCurve curve{ToneConfig{}};
+  curve.adapt(levels(2048, 128), 0.1);
+  const auto grey = [&](int from_mean) {
+    return curve.table()[static_cast<std::size_t>(2048 + from_mean)];
+  };
+  EXPECT_GT(grey(420), grey(380));
+  EXPECT_LT(grey(-420), grey(-380));
+  EXPECT_EQ(grey(768), 255);
+  EXPECT_EQ(grey(-768), 0);
+}
+
 TEST(ToneCurve, FollowsSlowly) {
   ToneCurve curve{ToneConfig{}};
   curve.adapt(levels(2048, 128), 0.1);
