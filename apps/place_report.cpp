@@ -105,7 +105,6 @@ std::string drawing_of(const std::vector<DatasetComparison>& comparisons) {
 
 void write_place_report(const std::filesystem::path& folder,
                         const std::vector<DatasetComparison>& comparisons) {
-  std::filesystem::create_directories(folder);
   Json json;
   for (const DatasetComparison& comparison : comparisons) {
     json[comparison.dataset] = to_json(comparison);
@@ -113,6 +112,10 @@ void write_place_report(const std::filesystem::path& folder,
   write_json_file(folder / "places.json", json);
   write_whole_file(folder / "curves.csv", curves_csv(comparisons));
   write_whole_file(folder / "places.svg", drawing_of(comparisons));
+}
+
+bool is_place_report(const std::filesystem::path& folder) {
+  return holds_only(folder, {"places.json", "curves.csv", "places.svg"});
 }
 
 std::string place_table(const std::vector<DatasetComparison>& comparisons) {

@@ -15,9 +15,12 @@
 
 namespace covey {
 
-// Makes the folder where it is missing. Throws std::runtime_error naming what cannot be written.
+// Into a folder that is there. Throws std::runtime_error naming what cannot be written.
 void write_place_report(const std::filesystem::path& folder,
                         const std::vector<DatasetComparison>& comparisons);
+
+// Whether a folder holds what it writes and nothing else.
+[[nodiscard]] bool is_place_report(const std::filesystem::path& folder);
 
 // For the terminal, a line for each dataset and descriptor.
 [[nodiscard]] std::string place_table(const std::vector<DatasetComparison>& comparisons);

@@ -9,7 +9,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "apps/number_range.h"
@@ -18,7 +17,7 @@
 #include "apps/progress.h"
 #include "apps/stop_signal.h"
 #include "apps/vocabulary_file.h"
-#include "apps/whole_file.h"
+#include "sim/dataset_writer.h"
 
 namespace covey {
 namespace {
@@ -27,6 +26,7 @@ struct Options {
   std::vector<std::string> datasets;
   std::string out, vocabulary = "visual", many_words, thermal;
   ComparisonConfig comparison;
+  bool force = false;
 };
 
 // A line for each drone.
@@ -66,17 +66,10 @@ void compare(Options options) {
         options.thermal == "raw" ? ThermalMode::kRaw : ThermalMode::kCalibrated;
   }
   catch_stop_signals();
-  const bool is_new = !std::filesystem::exists(options.out);
-  make_writable_folder(options.out);
-  std::vector<DatasetComparison> comparisons;
-  try {
-    comparisons = compare_all(options);
-  } catch (...) {
-    std::error_code ignored;
-    if (is_new) std::filesystem::remove(options.out, ignored);
-    throw;
-  }
-  write_place_report(options.out, comparisons);
+  StagedFolder folder(options.out, options.force ? is_place_report : nullptr);
+  const std::vector<DatasetComparison> comparisons = compare_all(options);
+  write_place_report(folder.path(), comparisons);
+  folder.commit();
   std::fputs(place_table(comparisons).c_str(), stdout);
 }
 
@@ -92,7 +85,9 @@ void add_places_command(CLI::App& covey) {
   command->add_option("datasets", options->datasets, "Datasets of two drones or more")
       ->required()
       ->type_name("DIR");
-  command->add_option("--out", options->out, "Folder to write into")->required()->type_name("DIR");
+  command->add_option("--out", options->out, "Folder to write; must not exist yet")
+      ->required()
+      ->type_name("DIR");
   command
       ->add_option("--vocabulary", options->vocabulary,
                    "Of both VLADs: visual, thermal or a file of covey train-vocabulary")
@@ -107,6 +102,7 @@ void add_places_command(CLI::App& covey) {
                    "Images as they are, or photometrically calibrated (default: thermal cameras' "
                    "images are)")
       ->check(CLI::IsMember({"raw", "calibrated"}));
+  command->add_flag("--force", options->force, "Replace a report that is there");
   command->callback([options] { compare(*options); });
 }
 

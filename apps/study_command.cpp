@@ -10,7 +10,7 @@
 #include "apps/number_range.h"
 #include "apps/study_report.h"
 #include "apps/team_study.h"
-#include "apps/whole_file.h"
+#include "sim/dataset_writer.h"
 
 namespace covey {
 namespace {
@@ -20,26 +20,30 @@ struct Options {
   std::vector<int> team_sizes{2, 4, 8, 16, 32};
   int drones = 4;
   StudyConfig study;
+  bool force = false;
 };
 
 void study_scaling(const Options& options) {
+  StagedFolder folder(options.out, options.force ? is_scaling : nullptr);
   std::vector<ScalingPoint> points;
   for (const int drones : options.team_sizes) {
     points.push_back(study_team_size(options.study, drones));
     std::fprintf(stderr, "%d drones: done\n", drones);
   }
-  write_scaling(options.out, options.study, points);
+  write_scaling(folder.path(), options.study, points);
+  folder.commit();
   std::fputs(scaling_table(points).c_str(), stdout);
 }
 
 void study_ablation(const Options& options) {
+  StagedFolder folder(options.out, options.force ? is_ablation : nullptr);
   const std::vector<AblationRow> rows = study_parts(options.study, options.drones);
-  write_ablation(options.out, options.study, rows);
+  write_ablation(folder.path(), options.study, rows);
+  folder.commit();
   std::fputs(ablation_table(rows).c_str(), stdout);
 }
 
 void study(const Options& options) {
-  make_writable_folder(options.out);
   if (options.what == "scaling") {
     study_scaling(options);
   } else {
@@ -63,7 +67,9 @@ void add_study_command(CLI::App& covey) {
                    "with parts taken away")
       ->required()
       ->check(CLI::IsMember({"scaling", "ablation"}));
-  command->add_option("--out", options->out, "Folder to write into")->required()->type_name("DIR");
+  command->add_option("--out", options->out, "Folder to write; must not exist yet")
+      ->required()
+      ->type_name("DIR");
   command->add_option("--scenario", options->study.scenario, "Who flies where")
       ->capture_default_str();
   command
@@ -87,6 +93,7 @@ void add_study_command(CLI::App& covey) {
   command->add_option("--drones", options->drones, "ablation: in the team")
       ->capture_default_str()
       ->check(CLI::Range(2, 64));
+  command->add_flag("--force", options->force, "Replace a study of the same kind");
   command->callback([options] { study(*options); });
 }
 

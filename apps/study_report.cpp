@@ -115,7 +115,6 @@ std::vector<Chart> charts_of(const std::vector<ScalingPoint>& points) {
 
 void write_scaling(const std::filesystem::path& folder, const StudyConfig& config,
                    const std::vector<ScalingPoint>& points) {
-  std::filesystem::create_directories(folder);
   Json json = to_json(config);
   for (const ScalingPoint& point : points) json["points"].push_back(to_json(point));
   write_json_file(folder / "summary.json", json);
@@ -126,7 +125,6 @@ void write_scaling(const std::filesystem::path& folder, const StudyConfig& confi
 
 void write_ablation(const std::filesystem::path& folder, const StudyConfig& config,
                     const std::vector<AblationRow>& rows) {
-  std::filesystem::create_directories(folder);
   Json json = to_json(config);
   for (const AblationRow& row : rows) {
     Json variant = to_json(row.figures);
@@ -136,6 +134,14 @@ void write_ablation(const std::filesystem::path& folder, const StudyConfig& conf
   }
   write_json_file(folder / "summary.json", json);
   write_whole_file(folder / "ablation.csv", ablation_csv(rows));
+}
+
+bool is_scaling(const std::filesystem::path& folder) {
+  return holds_only(folder, {"scaling.csv", "scaling.svg", "summary.json"});
+}
+
+bool is_ablation(const std::filesystem::path& folder) {
+  return holds_only(folder, {"ablation.csv", "summary.json"});
 }
 
 std::string scaling_table(const std::vector<ScalingPoint>& points) {

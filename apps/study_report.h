@@ -11,11 +11,15 @@
 
 namespace covey {
 
-// Make the folder where it is missing. Throw std::runtime_error naming what cannot be written.
+// Into a folder that is there. Throw std::runtime_error naming what cannot be written.
 void write_scaling(const std::filesystem::path& folder, const StudyConfig& config,
                    const std::vector<ScalingPoint>& points);
 void write_ablation(const std::filesystem::path& folder, const StudyConfig& config,
                     const std::vector<AblationRow>& rows);
+
+// Whether a folder holds what they write and nothing else.
+[[nodiscard]] bool is_scaling(const std::filesystem::path& folder);
+[[nodiscard]] bool is_ablation(const std::filesystem::path& folder);
 
 // For the terminal.
 [[nodiscard]] std::string scaling_table(const std::vector<ScalingPoint>& points);

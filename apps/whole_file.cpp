@@ -35,12 +35,14 @@ void require_writable(const fs::path& file) {
   fs::remove(beside(file));
 }
 
-void make_writable_folder(const fs::path& folder) {
-  if (folder.empty()) throw std::runtime_error("no folder is named to write to");
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw std::runtime_error(folder.string() + ": cannot be made: " + error.message());
-  require_writable(folder / "any");
+bool holds_only(const fs::path& folder, const std::set<std::string>& files) {
+  std::set<std::string> found;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder))
+    if (fs::is_regular_file(entry.symlink_status()))
+      found.insert(entry.path().filename().string());
+    else
+      return false;
+  return found == files;
 }
 
 void write_whole_file(const fs::path& file, const std::string& content) {

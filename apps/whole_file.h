@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <set>
 #include <string>
 
 namespace covey {
@@ -10,9 +11,13 @@ namespace covey {
 // Throws std::runtime_error naming the file.
 void write_whole_file(const std::filesystem::path& file, const std::string& content);
 
-// Before minutes of work, not after them: throw std::runtime_error where a file could not be
-// written, or no files into a folder, which is made.
+// Before minutes of work, not after them: throws std::runtime_error where a file could not be
+// written.
 void require_writable(const std::filesystem::path& file);
-void make_writable_folder(const std::filesystem::path& folder);
+
+// Whether a folder holds these files, all of them and nothing else: somebody's own are not lost
+// with it.
+[[nodiscard]] bool holds_only(const std::filesystem::path& folder,
+                              const std::set<std::string>& files);
 
 }  // namespace covey

@@ -40,9 +40,11 @@ void write_transform(std::ostream& out, const Eigen::Isometry3d& T_body_sensor) 
 
 void require_replaceable(const fs::path& target, IsReplaceable is_replaceable) {
   if (!fs::exists(target)) return;
+  const bool is_folder = fs::is_directory(target);
+  if (is_folder && fs::is_empty(target)) return;
   if (is_replaceable == nullptr)
     throw std::runtime_error(target.string() + ": exists already; choose another --out or --force");
-  if (fs::is_directory(target) && (fs::is_empty(target) || is_replaceable(target))) return;
+  if (is_folder && is_replaceable(target)) return;
   throw std::runtime_error(target.string() +
                            ": --force replaces only what this command has written, and there is "
                            "something else; choose another --out");

@@ -24,8 +24,8 @@ using IsReplaceable = bool (*)(const std::filesystem::path&);
 
 class StagedFolder {
  public:
-  // Throws std::runtime_error when `target` exists and is not empty and replaceable (without a
-  // test: when it exists), or nothing can be written there.
+  // Throws std::runtime_error when `target` exists, unless it is an empty folder or passes the
+  // test, or nothing can be written there.
   explicit StagedFolder(std::filesystem::path target, IsReplaceable is_replaceable = nullptr);
   ~StagedFolder();  // removes what was not committed
   StagedFolder(const StagedFolder&) = delete;

@@ -82,6 +82,20 @@ TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
   EXPECT_THAT(unknown.output(), HasSubstr("'infrared': cannot be read"));
 }
 
+TEST(PlacesProgram, WritesIntoNoFolderThatHoldsSomethingElse) {
+  const TemporaryFolder folder;
+  const std::string mine = folder.write("out/curves.csv", "mine").string();
+  const std::string out = (folder.path() / "out").string();
+  for (const std::vector<std::string>& force : {std::vector<std::string>{}, {"--force"}}) {
+    std::vector<std::string> command = {"places", COVEY_TEST_FLIGHT, "--out", out};
+    command.insert(command.end(), force.begin(), force.end());
+    CoveyProcess places(command);
+    EXPECT_EQ(places.finish(), 1);
+    EXPECT_THAT(places.output(), HasSubstr("choose another --out"));
+  }
+  EXPECT_EQ(file_content(mine), "mine");
+}
+
 TEST(PlacesProgram, IsStoppedAtAnyImageAndLeavesNothing) {
   const TemporaryFolder folder;
   const std::string out = (folder.path() / "out").string();

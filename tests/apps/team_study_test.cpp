@@ -38,7 +38,7 @@ TEST(TeamStudy, TwoDronesThatFlyTogetherOverlapAndTalk) {
 
 TEST(TeamStudy, FiguresAreWrittenAndReadBack) {
   const TemporaryFolder folder;
-  const auto out = folder.path() / "scaling";
+  const auto& out = folder.path();
   const std::vector<ScalingPoint> points = {study_team_size(short_study(), 2)};
   write_scaling(out, short_study(), points);
   const nlohmann::json written = read_json_file(out / "summary.json");
@@ -47,6 +47,10 @@ TEST(TeamStudy, FiguresAreWrittenAndReadBack) {
   EXPECT_EQ(written["points"][0]["together"]["aligned_m"], points[0].together.aligned_m);
   EXPECT_TRUE(std::filesystem::exists(out / "scaling.csv"));
   EXPECT_TRUE(std::filesystem::exists(out / "scaling.svg"));
+  EXPECT_TRUE(is_scaling(out));
+  EXPECT_FALSE(is_ablation(out));
+  (void)folder.write("notes.txt", "mine");
+  EXPECT_FALSE(is_scaling(out)) << "it would be lost with the rest";
 }
 
 TEST(TeamStudy, AScenarioThatIsNotThereIsNamed) {
