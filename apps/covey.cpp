@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // covey: one program, one subcommand for each job.
+#include <fcntl.h>
+#include <signal.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -30,6 +33,12 @@
 namespace {
 
 constexpr int kFailure = 1, kBadUsage = 2;
+
+// A file of results that got the number of a closed stream would take what is said there.
+void open_closed_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (::fcntl(stream, F_GETFD) < 0) (void)::open("/dev/null", O_RDWR);
+}
 
 std::string one_line(std::string text) {
   while (!text.empty() && text.back() == '\n') text.pop_back();
@@ -91,6 +100,8 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  open_closed_streams();
+  ::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk, no death
   try {
     return run(argc, argv);
   } catch (const std::exception& error) {

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What the program does with the streams and limits that it is started with.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "tests/apps/covey_process.h"
+#include "tests/apps/temporary_folder.h"
+
+namespace covey {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+// The exit code of a line of the shell; $COVEY is the program, in a folder of its own.
+class Program : public ::testing::Test {
+ protected:
+  [[nodiscard]] int shell(const std::string& line) const {
+    const std::string start = "COVEY='" COVEY_PROGRAM "'; cd '" + folder_.path().string() + "' && ";
+    const int status = std::system((start + line).c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+  [[nodiscard]] std::string content(const char* file) const {
+    return file_content(folder_.path() / file);
+  }
+
+  TemporaryFolder folder_;
+};
+
+constexpr char kSimulate[] =
+    "$COVEY simulate castle_parallel --agents 1 --seconds 1 --rate 5 --out ";
+
+TEST_F(Program, SaysNothingIntoItsFilesWhereStreamsAreClosed) {
+  const std::string simulate = kSimulate;
+  ASSERT_EQ(shell(simulate + "open 2> /dev/null > /dev/null"), 0);
+  ASSERT_EQ(shell(simulate + "closed <&- >&- 2>&-"), 0);
+  EXPECT_EQ(shell("diff -r open closed"), 0);
+}
+
+TEST_F(Program, AFileThatMayNotGrowIsNamedAndNothingIsLeft) {
+  const std::string simulate = kSimulate;
+  EXPECT_EQ(shell("(ulimit -f 16; " + simulate + "out 2> said)"), 1);
+  EXPECT_THAT(content("said"), HasSubstr("cannot be written"));
+  EXPECT_EQ(shell("test \"$(ls)\" = said"), 0);
+}
+
+}  // namespace
+}  // namespace covey
