@@ -2,6 +2,7 @@
 //
 // covey: one program, one subcommand for each job.
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
@@ -11,6 +12,7 @@
 #include <cstdio>
 #include <exception>
 #include <opencv2/core/utility.hpp>
+#include <stdexcept>
 #include <string>
 
 #include "apps/agent_command.h"
@@ -97,13 +99,27 @@ int run(int argc, char** argv) {
   return run(covey, argc, argv);
 }
 
+// Of a pipe: it has heard what it wanted to.
+bool reader_has_left() {
+  pollfd out{STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&out, 1, 0) == 1 && (out.revents & POLLERR) != 0;
+}
+
+void require_whole_output() {
+  const bool whole = std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+  if (!whole && !reader_has_left())
+    throw std::runtime_error("standard output: cannot be written: is the disk full?");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   open_closed_streams();
   ::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is an error like a full disk, no death
   try {
-    return run(argc, argv);
+    const int exit_code = run(argc, argv);
+    require_whole_output();
+    return exit_code;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "covey: %s\n", one_line(error.what()).c_str());
   } catch (...) {

@@ -50,5 +50,22 @@ TEST_F(Program, AFileThatMayNotGrowIsNamedAndNothingIsLeft) {
   EXPECT_EQ(shell("test \"$(ls)\" = said"), 0);
 }
 
+TEST_F(Program, WhatCannotBePrintedIsAFailure) {
+  for (const char* const command :
+       {"agent --print-config", "qos --profile clean --xml", "--help"}) {
+    EXPECT_EQ(shell(std::string("$COVEY ") + command + " > /dev/full 2> said"), 1) << command;
+    EXPECT_EQ(content("said"), "covey: standard output: cannot be written: is the disk full?\n");
+  }
+}
+
+TEST_F(Program, AReaderWhoHasReadEnoughIsNoFailure) {
+  // With SIGPIPE ignored, as Python hands it on; started when the reader has left.
+  EXPECT_EQ(shell("trap '' PIPE; mkfifo gone; "
+                  "(read now < gone; $COVEY agent --print-config; echo $? > code) 2> said "
+                  "| (exec <&-; echo now > gone)"),
+            0);
+  EXPECT_EQ(content("code") + content("said"), "0\n");
+}
+
 }  // namespace
 }  // namespace covey
