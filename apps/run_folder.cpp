@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/run_folder.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+
+#include <cerrno>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -64,12 +68,22 @@ void move_files(const std::vector<fs::path>& files, const fs::path& from, const 
   }
 }
 
+// Until it is closed, also by a death of the process. Where the file system has no locks, nobody is
+// kept away.
+FileDescriptor locked(const fs::path& run) {
+  FileDescriptor folder(::open(run.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (::flock(folder.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw std::runtime_error(run.string() + ": another covey flies into it");
+  return folder;
+}
+
 }  // namespace
 
 RunFolder::RunFolder(fs::path run, bool replace) : run_(std::move(run)) {
   std::error_code error;
   fs::create_directories(run_, error);
   if (error) throw std::runtime_error(run_.string() + ": cannot be made: " + error.message());
+  lock_ = locked(run_);
   if (!fs::is_empty(run_) && !replace) {
     throw std::runtime_error(run_.string() +
                              " is not empty: choose another folder, or --force to replace it");

@@ -104,10 +104,10 @@ bool is_simulated(const fs::path& folder) {
 }
 
 StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable)
-    : target_(std::move(target)) {
+    : target_(std::move(target)), is_replaceable_(is_replaceable) {
   if (!target_.has_filename()) target_ = target_.parent_path();
   if (target_.empty()) throw std::runtime_error("--out names no folder");
-  require_replaceable(target_, is_replaceable);
+  require_replaceable(target_, is_replaceable_);
   staging_ = target_;
   staging_ += ".partial-" + std::to_string(::getpid());
   std::error_code error;
@@ -123,8 +123,9 @@ StagedFolder::~StagedFolder() {
 }
 
 void StagedFolder::commit() {
+  require_replaceable(target_, is_replaceable_);  // it may have come meanwhile
   std::error_code error;
-  fs::remove_all(target_, error);
+  if (is_replaceable_ != nullptr) fs::remove_all(target_, error);
   if (!error) fs::rename(staging_, target_, error);
   if (error) throw std::runtime_error(target_.string() + ": cannot be written: " + error.message());
   staging_.clear();

@@ -32,10 +32,13 @@ class StagedFolder {
   StagedFolder& operator=(const StagedFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return staging_; }
+  // Throws std::runtime_error when something has come into the target meanwhile that may not be
+  // replaced.
   void commit();
 
  private:
   std::filesystem::path target_, staging_;
+  IsReplaceable is_replaceable_;
 };
 
 struct CameraDescription {

@@ -320,6 +320,13 @@ TEST_F(Team, AStartThatFailsLeavesAnEarlierRunAsItWas) {
   EXPECT_EQ(files.size(), 7U);
 }
 
+TEST_F(Team, TwoDoNotFlyIntoOneFolder) {
+  const RunFolder first(run_, true);
+  CoveyProcess second(command({"--mode", "solo", "--force"}));
+  EXPECT_EQ(second.finish(), 1);
+  EXPECT_THAT(second.output(), HasSubstr(run_.string() + ": another covey flies into it"));
+}
+
 TEST_F(Team, WhatAStartThatWasKilledHasSetAsideComesBackFirst) {
   fs::create_directories(run_ / ".earlier" / "uav0");
   std::ofstream(run_ / ".earlier" / "uav0" / "config.json") << "old";

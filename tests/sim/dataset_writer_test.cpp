@@ -71,6 +71,28 @@ TEST_F(DatasetWriter, AnExistingFolderIsOnlyReplacedWhenAsked) {
   EXPECT_FALSE(fs::exists(folder_ / "set" / "uav0"));
 }
 
+TEST_F(DatasetWriter, WhatHasComeMeanwhileIsNotReplaced) {
+  for (const IsReplaceable is_replaceable : {IsReplaceable(nullptr), IsReplaceable(is_simulated)}) {
+    StagedFolder second(folder_ / "set", is_replaceable);
+    {
+      StagedFolder first(folder_ / "set");
+      std::ofstream(first.path() / "file") << "the first";
+      first.commit();
+    }
+    EXPECT_THROW(second.commit(), std::runtime_error);
+    EXPECT_EQ(content(folder_ / "set" / "file"), "the first");
+    fs::remove_all(folder_ / "set");
+  }
+}
+
+TEST_F(DatasetWriter, AnEmptyFolderIsTakenForOneThatIsNotThere) {
+  fs::create_directories(folder_ / "set");
+  StagedFolder staged(folder_ / "set");
+  std::ofstream(staged.path() / "file") << "x";
+  staged.commit();
+  EXPECT_TRUE(fs::exists(folder_ / "set" / "file"));
+}
+
 TEST_F(DatasetWriter, WhatIsNoDatasetIsNotReplaced) {
   write_simulated("simulated grey camera");
   std::ofstream(folder_ / "set" / "thesis.txt") << "mine";
