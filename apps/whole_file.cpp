@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/whole_file.h"
 
+#include <unistd.h>
+
 #include <fstream>
 #include <stdexcept>
 #include <system_error>
@@ -10,10 +12,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// By its number nobody's own.
 fs::path beside(const fs::path& file) {
   fs::path part = file;
-  part += ".part";
+  part += ".part-" + std::to_string(::getpid());
   return part;
+}
+
+// Where its links lead. Throws unless a file is there, or may be made there.
+fs::path target_of(const fs::path& file) {
+  std::error_code ignored;
+  const fs::path target = fs::is_symlink(file, ignored) ? fs::weakly_canonical(file) : file;
+  const fs::file_status status = fs::symlink_status(target, ignored);
+  if (fs::is_symlink(status)) throw std::runtime_error(file.string() + ": is a link to nothing");
+  if (fs::is_directory(status)) throw std::runtime_error(file.string() + ": is a folder");
+  if (fs::exists(status) && !fs::is_regular_file(status))
+    throw std::runtime_error(file.string() + ": is no file that can be replaced");
+  return target;
 }
 
 [[noreturn]] void fail(const fs::path& file) {
@@ -30,9 +45,9 @@ void require_writable(const fs::path& file) {
     throw std::runtime_error(file.string() + ": cannot be written: " + folder.string() +
                              " is not a folder");
   }
-  if (fs::is_directory(file)) throw std::runtime_error(file.string() + ": is a folder");
-  if (!std::ofstream(beside(file))) fail(file);
-  fs::remove(beside(file));
+  const fs::path part = beside(target_of(file));
+  if (!std::ofstream(part)) fail(file);
+  fs::remove(part);
 }
 
 bool holds_only(const fs::path& folder, const std::set<std::string>& files) {
@@ -46,14 +61,15 @@ bool holds_only(const fs::path& folder, const std::set<std::string>& files) {
 }
 
 void write_whole_file(const fs::path& file, const std::string& content) {
-  std::ofstream stream(beside(file), std::ios::binary);
+  const fs::path target = target_of(file), part = beside(target);
+  std::ofstream stream(part, std::ios::binary);
   stream << content;
   stream.close();
   std::error_code error;
-  if (stream) fs::rename(beside(file), file, error);
+  if (stream) fs::rename(part, target, error);
   if (stream && !error) return;
   std::error_code ignored;
-  fs::remove(beside(file), ignored);
+  fs::remove(part, ignored);
   fail(file);
 }
 

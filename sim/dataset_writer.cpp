@@ -38,14 +38,29 @@ void write_transform(std::ostream& out, const Eigen::Isometry3d& T_body_sensor) 
   out << "]\n\n";
 }
 
-void require_replaceable(const fs::path& target, IsReplaceable is_replaceable) {
-  if (!fs::exists(target)) return;
-  const bool is_folder = fs::is_directory(target);
+// Absolute, with no . or .. in it and nothing at its end.
+fs::path where_links_lead(const fs::path& name) {
+  std::error_code error;
+  const fs::path target = fs::weakly_canonical(name, error);
+  if (error) throw std::runtime_error(name.string() + ": cannot be made: " + error.message());
+  return target.has_filename() ? target : target.parent_path();
+}
+
+// `name`: of the target, to whom it may concern.
+void require_replaceable(const fs::path& target, const fs::path& name,
+                         IsReplaceable is_replaceable) {
+  std::error_code ignored;
+  const fs::file_status status = fs::symlink_status(target, ignored);
+  if (fs::is_symlink(status)) throw std::runtime_error(name.string() + ": is a link to nothing");
+  if (!fs::exists(status)) return;
+  if (fs::equivalent(target, fs::current_path(ignored), ignored))
+    throw std::runtime_error(name.string() + ": cannot be replaced from inside it");
+  const bool is_folder = fs::is_directory(status);
   if (is_folder && fs::is_empty(target)) return;
   if (is_replaceable == nullptr)
-    throw std::runtime_error(target.string() + ": exists already; choose another --out or --force");
+    throw std::runtime_error(name.string() + ": exists already; choose another --out or --force");
   if (is_folder && is_replaceable(target)) return;
-  throw std::runtime_error(target.string() +
+  throw std::runtime_error(name.string() +
                            ": --force replaces only what this command has written, and there is "
                            "something else; choose another --out");
 }
@@ -104,17 +119,16 @@ bool is_simulated(const fs::path& folder) {
 }
 
 StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable)
-    : target_(std::move(target)), is_replaceable_(is_replaceable) {
-  if (!target_.has_filename()) target_ = target_.parent_path();
-  if (target_.empty()) throw std::runtime_error("--out names no folder");
-  require_replaceable(target_, is_replaceable_);
+    : name_(std::move(target)), is_replaceable_(is_replaceable) {
+  if (name_.empty()) throw std::runtime_error("--out names no folder");
+  target_ = where_links_lead(name_);
+  require_replaceable(target_, name_, is_replaceable_);
   staging_ = target_;
   staging_ += ".partial-" + std::to_string(::getpid());
   std::error_code error;
   fs::remove_all(staging_, error);
   fs::create_directories(staging_, error);
-  if (error)
-    throw std::runtime_error(staging_.string() + ": cannot be created: " + error.message());
+  if (error) throw std::runtime_error(name_.string() + ": cannot be made: " + error.message());
 }
 
 StagedFolder::~StagedFolder() {
@@ -123,11 +137,11 @@ StagedFolder::~StagedFolder() {
 }
 
 void StagedFolder::commit() {
-  require_replaceable(target_, is_replaceable_);  // it may have come meanwhile
+  require_replaceable(target_, name_, is_replaceable_);  // it may have come meanwhile
   std::error_code error;
   if (is_replaceable_ != nullptr) fs::remove_all(target_, error);
   if (!error) fs::rename(staging_, target_, error);
-  if (error) throw std::runtime_error(target_.string() + ": cannot be written: " + error.message());
+  if (error) throw std::runtime_error(name_.string() + ": cannot be written: " + error.message());
   staging_.clear();
 }
 

@@ -25,7 +25,7 @@ using IsReplaceable = bool (*)(const std::filesystem::path&);
 class StagedFolder {
  public:
   // Throws std::runtime_error when `target` exists, unless it is an empty folder or passes the
-  // test, or nothing can be written there.
+  // test, or nothing can be written there. Links stay and what they lead to is replaced.
   explicit StagedFolder(std::filesystem::path target, IsReplaceable is_replaceable = nullptr);
   ~StagedFolder();  // removes what was not committed
   StagedFolder(const StagedFolder&) = delete;
@@ -37,6 +37,7 @@ class StagedFolder {
   void commit();
 
  private:
+  std::filesystem::path name_;  // as it was given
   std::filesystem::path target_, staging_;
   IsReplaceable is_replaceable_;
 };

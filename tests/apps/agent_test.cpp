@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/spdlog.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -205,22 +206,17 @@ TEST(StatusFile, IsDueASecondAfterItWasWritten) {
   EXPECT_TRUE(status.due(6000));
 }
 
-TEST(Agent, AStatusThatCannotBeWrittenEndsNoFlight) {
+TEST(StatusFile, ThatCannotBeWrittenEndsNoFlightAndIsSaidOnce) {
   const TemporaryFolder folder;
-  const FreeDomain domain;
-  const json settings = {{"agent", {{"pace", "rate"}, {"duration_s", 1.5}}},
-                         {"link", {{"domain", domain.id()}}}};
-  const fs::path config = folder.write("agent.json", settings.dump());
-  // What is written beside the file before it takes its place.
-  (void)folder.write("out/status.json.part/in_the_way", "");
-  CoveyProcess covey({"agent", "--config", config.string(), "--dataset",
-                      std::string(COVEY_TEST_FLIGHT) + "/uav0/mav0", "--out",
-                      (folder.path() / "out").string()});
-  ASSERT_EQ(covey.finish(), 0) << covey.output();
-  const std::string words = "status.json: cannot be written";
-  const std::size_t first = covey.output().find(words);
-  ASSERT_NE(first, std::string::npos) << covey.output();
-  EXPECT_EQ(covey.output().find(words, first + 1), std::string::npos) << "one line is enough";
+  (void)folder.write("status.json/in_the_way", "");
+  testing::internal::CaptureStdout();  // where this program's log goes
+  StatusFile status(folder.path() / "status.json");
+  status.write({{"frames", 7}}, 5000);
+  spdlog::default_logger()->flush();
+  const std::string said = testing::internal::GetCapturedStdout();
+  const std::size_t first = said.find("status.json: is a folder");
+  ASSERT_NE(first, std::string::npos) << said;
+  EXPECT_EQ(said.find("status.json", first + 1), std::string::npos) << "one line is enough";
 }
 
 TEST(Agent, ItsStatusCountsTheImagesThatItDrops) {

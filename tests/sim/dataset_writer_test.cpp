@@ -123,6 +123,18 @@ TEST_F(DatasetWriter, ARecordingIsNotReplaced) {
   EXPECT_FALSE(is_simulated(folder_ / "set")) << "imported with the calibration of a simulation";
 }
 
+TEST_F(DatasetWriter, LinksStayAndWhatTheyLeadToIsReplaced) {
+  fs::create_directories(folder_ / "disk" / "set");
+  fs::create_symlink("disk/set", folder_ / "link");
+  StagedFolder staged(folder_ / "link");
+  std::ofstream(staged.path() / "file") << "x";
+  staged.commit();
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+  EXPECT_EQ(content(folder_ / "disk" / "set" / "file"), "x");
+  fs::create_symlink("nowhere", folder_ / "broken");
+  EXPECT_THROW(StagedFolder(folder_ / "broken"), std::runtime_error);
+}
+
 TEST_F(DatasetWriter, AnUnwritablePlaceIsNamed) {
   EXPECT_THROW(StagedFolder(""), std::runtime_error);
 
