@@ -269,7 +269,13 @@ RunData read_exchange(const fs::path& flight, const char* exchange) {
     throw std::runtime_error(run.string() + " holds no run: fly it with covey team --exchange " +
                              exchange + " --out " + run.string());
   }
-  return read_run(run);
+  RunData data = read_run(run);
+  if (data.summary.exchange != exchange) {
+    throw std::runtime_error((run / "summary.json").string() + ": was flown with --exchange " +
+                             data.summary.exchange.value_or("of a kind that it does not tell") +
+                             ", not " + exchange);
+  }
+  return data;
 }
 
 }  // namespace

@@ -84,5 +84,20 @@ TEST(Results, AMissingRunIsNamed) {
   EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(HasSubstr("mars_yard-7/compact")));
 }
 
+TEST(Results, ARunInTheFolderOfAnotherExchangeIsNamed) {
+  const TemporaryFolder folder;
+  RunSummary summary;
+  summary.exchange = "compact";
+  summary.agents["uav0"] = {};
+  for (const char* exchange : {"compact", "paper", "naive"}) {
+    const auto run = folder.path() / "mars_yard-7" / exchange;
+    std::filesystem::create_directories(run);
+    write_run_summary(run / "summary.json", summary);
+  }
+  EXPECT_THAT([&] { (void)read_results(folder.path()); },
+              ThrowsMessage<std::runtime_error>(
+                  HasSubstr("paper/summary.json: was flown with --exchange compact, not paper")));
+}
+
 }  // namespace
 }  // namespace covey
