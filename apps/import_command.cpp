@@ -226,7 +226,8 @@ void import_bag(const Options& options) {
   const BagTopic images = choose_images(bag, options);
   const BagTopic imu =
       choose_topic(bag, options, options.imu_topic, "--imu-topic", {kImuType, kPx4ImuType});
-  StagedFolder folder(options.out);
+  // No --force: recordings cannot be told from what was imported, and bags may be gone.
+  StagedFolder folder(options.out, nullptr, "choose another --out");
   const fs::path mav0 = folder.path() / "mav0";
   copy_sensor_file(options, mav0, "cam0");
   copy_sensor_file(options, mav0, "imu0");

@@ -46,9 +46,9 @@ fs::path where_links_lead(const fs::path& name) {
   return target.has_filename() ? target : target.parent_path();
 }
 
-// `name`: of the target, to whom it may concern.
+// Throws where something is that may not go. `name`: of the target, as it was given.
 void require_replaceable(const fs::path& target, const fs::path& name,
-                         IsReplaceable is_replaceable) {
+                         IsReplaceable is_replaceable, const std::string& way_out) {
   std::error_code ignored;
   const fs::file_status status = fs::symlink_status(target, ignored);
   if (fs::is_symlink(status)) throw std::runtime_error(name.string() + ": is a link to nothing");
@@ -58,7 +58,7 @@ void require_replaceable(const fs::path& target, const fs::path& name,
   const bool is_folder = fs::is_directory(status);
   if (is_folder && fs::is_empty(target)) return;
   if (is_replaceable == nullptr)
-    throw std::runtime_error(name.string() + ": exists already; choose another --out or --force");
+    throw std::runtime_error(name.string() + ": exists already; " + way_out);
   if (is_folder && is_replaceable(target)) return;
   throw std::runtime_error(name.string() +
                            ": --force replaces only what this command has written, and there is "
@@ -118,11 +118,11 @@ bool is_simulated(const fs::path& folder) {
   });
 }
 
-StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable)
-    : name_(std::move(target)), is_replaceable_(is_replaceable) {
+StagedFolder::StagedFolder(fs::path target, IsReplaceable is_replaceable, std::string way_out)
+    : name_(std::move(target)), is_replaceable_(is_replaceable), way_out_(std::move(way_out)) {
   if (name_.empty()) throw std::runtime_error("--out names no folder");
   target_ = where_links_lead(name_);
-  require_replaceable(target_, name_, is_replaceable_);
+  require_replaceable(target_, name_, is_replaceable_, way_out_);
   staging_ = target_;
   staging_ += ".partial-" + std::to_string(::getpid());
   std::error_code error;
@@ -137,7 +137,7 @@ StagedFolder::~StagedFolder() {
 }
 
 void StagedFolder::commit() {
-  require_replaceable(target_, name_, is_replaceable_);  // it may have come meanwhile
+  require_replaceable(target_, name_, is_replaceable_, way_out_);  // it may have come meanwhile
   std::error_code error;
   if (is_replaceable_ != nullptr) fs::remove_all(target_, error);
   if (!error) fs::rename(staging_, target_, error);

@@ -26,7 +26,9 @@ class StagedFolder {
  public:
   // Throws std::runtime_error when `target` exists, unless it is an empty folder or passes the
   // test, or nothing can be written there. Links stay and what they lead to is replaced.
-  explicit StagedFolder(std::filesystem::path target, IsReplaceable is_replaceable = nullptr);
+  // `way_out`: what is advised then.
+  explicit StagedFolder(std::filesystem::path target, IsReplaceable is_replaceable = nullptr,
+                        std::string way_out = "choose another --out or --force");
   ~StagedFolder();  // removes what was not committed
   StagedFolder(const StagedFolder&) = delete;
   StagedFolder& operator=(const StagedFolder&) = delete;
@@ -40,6 +42,7 @@ class StagedFolder {
   std::filesystem::path name_;  // as it was given
   std::filesystem::path target_, staging_;
   IsReplaceable is_replaceable_;
+  std::string way_out_;
 };
 
 struct CameraDescription {

@@ -37,6 +37,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::AllOf;
+using testing::EndsWith;
 using testing::HasSubstr;
 
 constexpr TimeNs kSecond_ns = 1'000'000'000;
@@ -262,6 +263,12 @@ TEST_F(Import, FlightsOfDifferentTimesArePutSideBySide) {
   EXPECT_EQ(dataset.images.front().stamp_ns, 1000 * kSecond_ns);
   EXPECT_EQ(dataset.images.back().stamp_ns, 1000 * kSecond_ns + 2 * kImagePeriod_ns);
   EXPECT_EQ(dataset.imu.front().stamp_ns, 1000 * kSecond_ns - 10 * kImuPeriod_ns);
+}
+
+TEST_F(Import, WhatIsThereAlreadyIsRefusedWithoutAdviceThatCannotBeTaken) {
+  record("flight_0.db3", 0, 3);
+  run_command(command());
+  EXPECT_THAT(complaint_of(command()), EndsWith("exists already; choose another --out"));
 }
 
 TEST_F(Import, AFirstStampBeforeWhichTheImuBeginsIsTooEarly) {
