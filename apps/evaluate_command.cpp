@@ -99,6 +99,9 @@ Result evaluate(const Options& options) {
     if (error) result.over_time.push_back(*error);
   }
   result.honesty = nees(result.pairs, covariances_of(options));
+  if (!result.honesty && !options.covariance_file.empty()) {
+    throw std::runtime_error(options.covariance_file + ": no covariance at the estimate's stamps");
+  }
   return result;
 }
 

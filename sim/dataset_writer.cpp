@@ -47,8 +47,8 @@ fs::path where_links_lead(const fs::path& name) {
 }
 
 // Throws where something is that may not go. `name`: of the target, as it was given.
-void require_replaceable(const fs::path& target, const fs::path& name,
-                         IsReplaceable is_replaceable, const std::string& way_out) {
+void require_replaceable(const fs::path& target, const fs::path& name, IsReplaceable is_replaceable,
+                         const std::string& way_out) {
   std::error_code ignored;
   const fs::file_status status = fs::symlink_status(target, ignored);
   if (fs::is_symlink(status)) throw std::runtime_error(name.string() + ": is a link to nothing");

@@ -292,6 +292,19 @@ TEST_F(EvaluateCommand, NamesBothFilesWhenTheyDoNotOverlap) {
                   testing::AllOf(HasSubstr("estimate.tum against"), HasSubstr("truth.tum: "))));
 }
 
+TEST_F(EvaluateCommand, RefusesCovariancesThatBelongToNoPose) {
+  write_tum(folder_.path() / "truth.tum", lap(6));
+  write_tum(folder_.path() / "estimate.tum", lap(6));
+  std::string sample = "7000000000000000000";
+  for (int i = 0; i < 21; ++i) sample += ",1";
+  for (const std::string& content : {std::string(), sample + "\n"}) {
+    const std::string file = folder_.write("covariance.csv", content).string();
+    EXPECT_THAT(
+        [&] { (void)run("--covariance " + file); },
+        ThrowsMessage<std::runtime_error>(file + ": no covariance at the estimate's stamps"));
+  }
+}
+
 TEST_F(EvaluateCommand, RefusesUnknownWords) {
   EXPECT_THAT([this] { (void)run("--align yaw"); },
               ThrowsMessage<std::runtime_error>(HasSubstr("--align")));
