@@ -154,6 +154,17 @@ TrueState read_state(const CsvReader& reader) {
   return state;
 }
 
+// Ground truth, which has 8, 11 or 17 columns, would be flown as angular rates. A comma at the end
+// of the line is no column.
+void require_imu_columns(const CsvReader& reader) {
+  const std::string names = "stamp [ns], angular rate x y z, specific force x y z";
+  reader.require_columns(7, names);
+  const bool has_eight = reader.columns() == 8 && !reader.text(7).empty();
+  if (has_eight || reader.columns() >= 11)
+    reader.fail("the line has " + std::to_string(reader.columns()) +
+                " columns, as ground truth has; an IMU's has 7: " + names);
+}
+
 Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double t) {
   return a + t * (b - a);
 }
@@ -209,7 +220,7 @@ std::vector<ImuSample> read_imu(const fs::path& csv) {
   CsvReader reader(csv, CsvReader::Separator::kComma);
   std::vector<ImuSample> samples;
   while (reader.next()) {
-    reader.require_columns(7, "stamp [ns], angular rate x y z, specific force x y z");
+    require_imu_columns(reader);
     ImuSample sample;
     sample.stamp_ns = reader.stamp_from_nanoseconds(0);
     sample.gyro_imu = reader.vector3(1);

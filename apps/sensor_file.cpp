@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -43,6 +44,8 @@ class SensorFile {
     if (!std::isfinite(value) || value < 0) fail(root_[key], key + " must not be negative");
     return value;
   }
+
+  [[nodiscard]] bool has(const std::string& key) const { return bool(root_[key]); }
 
   [[nodiscard]] std::optional<double> optional_number(const std::string& key) const {
     if (!root_[key]) return std::nullopt;
@@ -97,6 +100,18 @@ class SensorFile {
       throw std::runtime_error(location(error.mark) + "not yaml: " + error.msg);
     }
     if (!root_.IsMap()) throw std::runtime_error(file_.string() + ": holds no 'key: value' lines");
+    require_unique_keys(root_);
+  }
+
+  // Of two values of one key one would be lost without a word.
+  void require_unique_keys(const YAML::Node& map) const {
+    std::set<std::string> keys;
+    for (const auto& entry : map) {
+      const YAML::Node& key = entry.first;
+      if (!key.IsScalar()) continue;
+      if (!keys.insert(key.Scalar()).second) fail(key, "key '" + key.Scalar() + "' stands twice");
+      if (entry.second.IsMap()) require_unique_keys(entry.second);
+    }
   }
 
   [[nodiscard]] YAML::Node node(const std::string& key) const {
@@ -199,7 +214,7 @@ CameraCalibration read_camera_file(const std::filesystem::path& yaml) {
   calibration.extrinsics.p_imu_cam = T_imu_cam.translation();
   // Kalibr's name: t_imu = t_camera + shift.
   calibration.extrinsics.time_offset_s = file.optional_number("timeshift_cam_imu").value_or(0.0);
-  calibration.line_delay_s = file.optional_number("line_delay").value_or(0.0);
+  if (file.has("line_delay")) calibration.line_delay_s = file.not_negative("line_delay");
   calibration.thermal = names_thermal_camera(file.optional_text("comment"));
   return calibration;
 }
@@ -241,7 +256,7 @@ std::vector<std::string> doubts_about(const CameraCalibration& camera,
                       lens.cx, lens.cy));
   }
   constexpr double kSlowest_s = 0.1;  // of an image that is read row by row
-  if (const double read_s = std::abs(camera.line_delay_s) * lens.height; read_s > kSlowest_s)
+  if (const double read_s = camera.line_delay_s * lens.height; read_s > kSlowest_s)
     doubt(fmt::format("line_delay: it takes {:.3g} s to read an image: is it in seconds?", read_s));
   return doubts;
 }

@@ -194,8 +194,8 @@ void simulate(Options options) {
   }
   catch_stop_signals();
   StagedFolder folder(options.out, options.force ? is_simulated : nullptr);
-  read_recordings(options);
   read_sensor_files(options);
+  read_recordings(options);
   std::vector<DroneSimulation> drones = make_simulation(options.request);
 
   std::size_t images = 0;

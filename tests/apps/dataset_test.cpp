@@ -163,6 +163,19 @@ TEST_F(DatasetTest, ARollingShutterIsKnownByItsLineDelay) {
   EXPECT_EQ(read_dataset(mav0()).line_delay_s, 2.5e-5);
 }
 
+TEST_F(DatasetTest, ALineDelayBelowZeroIsRefused) {
+  write("cam0/sensor.yaml", std::string(kCameraYaml) + "line_delay: -2.5e-5\n");
+  expect_refused("cam0/sensor.yaml:16: ", "line_delay must not be negative");
+}
+
+TEST_F(DatasetTest, AKeyThatStandsTwiceIsNamed) {
+  write("cam0/sensor.yaml", std::string(kCameraYaml) + "camera_model: pinhole\n");
+  expect_refused("cam0/sensor.yaml:16: ", "key 'camera_model' stands twice");
+  write("cam0/sensor.yaml", kCameraYaml);
+  write("imu0/sensor.yaml", replaced(kImuYaml, "  rows: 4", "  rows: 4\n  rows: 3"));
+  expect_refused("imu0/sensor.yaml:4: ", "key 'rows' stands twice");
+}
+
 TEST_F(DatasetTest, EquidistantCamerasAndKalibrsTimeShiftAreKnown) {
   write("cam0/sensor.yaml",
         replaced(kCameraYaml, "radial-tangential", "equidistant") + "timeshift_cam_imu: -0.004\n");
@@ -255,6 +268,15 @@ TEST_F(DatasetTest, MissingFilesAreNamed) {
 TEST_F(DatasetTest, ABrokenLineIsNamed) {
   write("imu0/data.csv", imu_csv() + "1115000000,0,0\n");
   expect_refused("imu0/data.csv:27: ", "3 columns, expected 7");
+}
+
+TEST_F(DatasetTest, GroundTruthInPlaceOfTheImuIsNamed) {
+  for (const char* more : {"", ",0.4,0.5,0.6", ",0.4,0.5,0.6,0,0,0,0,0,0"}) {
+    write("imu0/data.csv", std::string("1000000000,1,2,3,1,0,0,0") + more + "\n");
+    expect_refused("imu0/data.csv:1: ", "as ground truth has; an IMU's has 7");
+  }
+  write("imu0/data.csv", imu_csv() + "1115000000,0,0,0,0,0,9.81,\n");
+  EXPECT_EQ(read_dataset(mav0()).imu.size(), 26u) << "a comma at the end is no column";
 }
 
 TEST_F(DatasetTest, AWordInPlaceOfANumberIsNamed) {
