@@ -9,9 +9,10 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <stdexcept>
 #include <system_error>
+
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -22,19 +23,6 @@ std::string_view trimmed(std::string_view text) {
   while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
   while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
   return text;
-}
-
-std::string read_whole(const std::filesystem::path& file) {
-  std::error_code error;
-  const bool readable = std::filesystem::is_regular_file(file, error);
-  std::ifstream stream(file, std::ios::binary);
-  if (!readable || !stream) {
-    throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
-  }
-  std::string content(std::filesystem::file_size(file), '\0');
-  stream.read(content.data(), static_cast<std::streamsize>(content.size()));
-  content.resize(static_cast<std::size_t>(stream.gcount()));
-  return content;
 }
 
 // from_chars takes no leading '+'.
@@ -60,7 +48,7 @@ std::size_t write_some(int fd, const std::string& text) {
 }  // namespace
 
 CsvReader::CsvReader(const std::filesystem::path& file, Separator separator)
-    : file_(file), separator_(separator), content_(read_whole(file)) {}
+    : file_(file), separator_(separator), content_(read_whole_file(file)) {}
 
 std::string_view CsvReader::line_at(std::size_t begin) const {
   const std::size_t end = std::min(content_.find('\n', begin), content_.size());

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/json_file.h"
 
-#include <fstream>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -44,10 +44,7 @@ nlohmann::json parse_json(std::istream& stream, const std::string& name) {
 }
 
 nlohmann::json read_json_file(const std::filesystem::path& file) {
-  if (std::filesystem::is_directory(file))
-    throw std::runtime_error(file.string() + ": cannot be read: it is a folder");
-  std::ifstream stream(file);
-  if (!stream) throw std::runtime_error(file.string() + ": cannot be read: is the path right?");
+  std::istringstream stream(read_whole_file(file));
   return parse_json(stream, file.string());
 }
 

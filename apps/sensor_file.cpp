@@ -6,13 +6,13 @@
 
 #include <cctype>
 #include <cmath>
-#include <fstream>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -24,11 +24,7 @@ constexpr double kMaxResolution = 16384;     // pixels
 class SensorFile {
  public:
   explicit SensorFile(const std::filesystem::path& file) : file_(file) {
-    std::ifstream stream(file);
-    if (!stream) throw std::runtime_error(file_.string() + ": cannot be read: is the path right?");
-    std::ostringstream content;
-    content << stream.rdbuf();
-    load(content.str());
+    load(read_whole_file(file));
   }
 
   [[nodiscard]] std::string text(const std::string& key) const { return as<std::string>(key); }

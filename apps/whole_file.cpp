@@ -3,7 +3,9 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <fstream>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -31,12 +33,28 @@ fs::path target_of(const fs::path& file) {
   return target;
 }
 
+std::string error_text() { return std::generic_category().message(errno); }
+
 [[noreturn]] void fail(const fs::path& file) {
   throw std::runtime_error(file.string() +
                            ": cannot be written: does its folder exist, is the disk full?");
 }
 
 }  // namespace
+
+std::string read_whole_file(const fs::path& file) {
+  std::error_code ignored;
+  if (fs::is_directory(file, ignored))
+    throw std::runtime_error(file.string() + ": cannot be read: it is a folder");
+  const std::ifstream stream(file, std::ios::binary);
+  if (!stream) {
+    throw std::runtime_error(file.string() + ": cannot be read: " +
+                             (errno == ENOENT ? "is the path right?" : error_text()));
+  }
+  std::ostringstream content;
+  content << stream.rdbuf();
+  return content.str();
+}
 
 void require_writable(const fs::path& file) {
   if (file.empty()) throw std::runtime_error("no file is named to write to");
@@ -46,7 +64,8 @@ void require_writable(const fs::path& file) {
                              " is not a folder");
   }
   const fs::path part = beside(target_of(file));
-  if (!std::ofstream(part)) fail(file);
+  if (!std::ofstream(part))
+    throw std::runtime_error(file.string() + ": cannot be written: " + error_text());
   fs::remove(part);
 }
 

@@ -7,6 +7,9 @@
 
 namespace covey {
 
+// Throws std::runtime_error naming the file and why it cannot be read.
+[[nodiscard]] std::string read_whole_file(const std::filesystem::path& file);
+
 // Written beside and renamed: whoever looks sees the old file or the new one, never half of it.
 // Links stay and what they lead to is replaced. Throws std::runtime_error naming the file; of what
 // is no file, a device say, as well.

@@ -25,6 +25,29 @@ void expect_refused(const fs::path& file, const std::string& why) {
   EXPECT_THAT([&] { write_whole_file(file, "new"); }, refused);
 }
 
+TEST(WholeFile, WhyItCannotBeReadIsSaid) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.write("file", "content"), circle = folder.path() / "circle";
+  fs::create_symlink("circle", circle);
+  EXPECT_EQ(read_whole_file(file), "content");
+  const auto expect = [](const fs::path& path, const std::string& why) {
+    EXPECT_THAT([&] { (void)read_whole_file(path); },
+                ThrowsMessage<std::runtime_error>(path.string() + ": cannot be read: " + why));
+  };
+  expect(folder.path() / "nowhere", "is the path right?");
+  expect(folder.path(), "it is a folder");
+  expect(file / "below", "Not a directory");
+  expect(circle, "Too many levels of symbolic links");
+}
+
+TEST(WholeFile, WhyItCouldNotBeWrittenIsSaidBeforeTheWork) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path() / std::string(255, 'x');
+  EXPECT_THAT(
+      [&] { require_writable(file); },
+      ThrowsMessage<std::runtime_error>(HasSubstr("cannot be written: File name too long")));
+}
+
 TEST(WholeFile, TakesThePlaceOfAnEarlierOneAndOfNothingElse) {
   const TemporaryFolder folder;
   const fs::path file = folder.write("words.txt", "old");
