@@ -11,6 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <opencv2/core/utility.hpp>
 #include <stdexcept>
 #include <string>
@@ -63,8 +64,9 @@ int run(CLI::App& covey, int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return covey.exit(help);
   } catch (const CLI::ParseError& error) {
-    if (argc > 1 && argv[1][0] != '-' && covey.get_subcommands().empty()) {
-      std::fprintf(stderr, "covey: no command '%s' (see covey --help)\n", argv[1]);
+    if (argc > 1 && covey.get_subcommands().empty()) {
+      std::fprintf(stderr, "covey: no %s '%s' (see covey --help)\n",
+                   argv[1][0] == '-' ? "option" : "command", argv[1]);
       return kBadUsage;
     }
     std::fprintf(stderr, "covey: %s (see %s)\n", one_line(error.what()).c_str(),
@@ -80,6 +82,7 @@ int run(int argc, char** argv) {
 
   CLI::App covey("Collaborative visual and thermal inertial odometry for teams of drones", "covey");
   covey.require_subcommand(1);
+  covey.set_version_flag("--version", "covey " COVEY_VERSION);
   covey::add_simulate_command(covey);
   covey::add_team_command(covey);
   covey::add_agent_command(covey);
@@ -120,6 +123,8 @@ int main(int argc, char** argv) {
     const int exit_code = run(argc, argv);
     require_whole_output();
     return exit_code;
+  } catch (const std::filesystem::filesystem_error& error) {
+    std::fprintf(stderr, "covey: %s: %s\n", error.path1().c_str(), error.code().message().c_str());
   } catch (const std::exception& error) {
     std::fprintf(stderr, "covey: %s\n", one_line(error.what()).c_str());
   } catch (...) {

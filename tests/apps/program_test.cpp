@@ -17,6 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 
 // The exit code of a line of the shell; $COVEY is the program, in a folder of its own.
 class Program : public ::testing::Test {
@@ -65,6 +66,18 @@ TEST_F(Program, AReaderWhoHasReadEnoughIsNoFailure) {
                   "| (exec <&-; echo now > gone)"),
             0);
   EXPECT_EQ(content("code") + content("said"), "0\n");
+}
+
+TEST_F(Program, TellsItsVersion) {
+  EXPECT_EQ(shell("$COVEY --version > said"), 0);
+  EXPECT_THAT(content("said"), MatchesRegex("covey [0-9]+\\.[0-9]+\\.[0-9]+\n"));
+}
+
+TEST_F(Program, NamesTheWordThatItDoesNotKnow) {
+  EXPECT_EQ(shell("$COVEY --bogus 2> said"), 2);
+  EXPECT_EQ(content("said"), "covey: no option '--bogus' (see covey --help)\n");
+  EXPECT_EQ(shell("$COVEY bogus 2> said"), 2);
+  EXPECT_EQ(content("said"), "covey: no command 'bogus' (see covey --help)\n");
 }
 
 }  // namespace

@@ -320,6 +320,15 @@ TEST_F(Team, AStartThatFailsLeavesAnEarlierRunAsItWas) {
   EXPECT_EQ(files.size(), 7U);
 }
 
+TEST_F(Team, AFolderThatCannotBeMadeIsNamedInOneLine) {
+  fs::create_directories(run_);
+  std::ofstream(run_ / "uav0") << "mine";
+  CoveyProcess covey(command({"--mode", "solo", "--force"}));
+  EXPECT_EQ(covey.finish(), 1);
+  EXPECT_EQ(covey.output(), "covey: " + (run_ / "uav0").string() + ": Not a directory\n");
+  EXPECT_EQ(file_content(run_ / "uav0"), "mine");
+}
+
 TEST_F(Team, TwoDoNotFlyIntoOneFolder) {
   const RunFolder first(run_, true);
   CoveyProcess second(command({"--mode", "solo", "--force"}));
