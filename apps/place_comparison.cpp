@@ -107,14 +107,19 @@ DescriptorResult judge_bag(const std::vector<SurveyedView>& views,
 
 }  // namespace
 
-DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
-                                      const ComparisonConfig& config, const OnImage& on_image) {
-  const std::vector<DroneFolder> drones = find_drones(dataset);
+std::vector<DroneFolder> drones_to_compare(const std::filesystem::path& dataset) {
+  std::vector<DroneFolder> drones = find_drones(dataset);
   if (drones.size() < 2) {
     throw std::runtime_error(dataset.string() + ": has one drone; two or more see each other's");
   }
+  for (const DroneFolder& drone : drones) require_ground_truth(drone);
+  return drones;
+}
+
+DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
+                                      const ComparisonConfig& config, const OnImage& on_image) {
   std::vector<SurveyedView> views;
-  for (const DroneFolder& drone : drones) {
+  for (const DroneFolder& drone : drones_to_compare(dataset)) {
     const std::vector<SurveyedView> seen =
         survey_flight(drone, config.interval_s, config.thermal, on_image);
     views.insert(views.end(), seen.begin(), seen.end());

@@ -39,8 +39,11 @@ struct DatasetComparison {
   std::vector<DescriptorResult> descriptors;
 };
 
-// Throws std::runtime_error when the dataset has only one drone, no ground truth, or no place that
-// two drones have seen.
+// Throws std::runtime_error when it has only one drone, or no ground truth of one.
+[[nodiscard]] std::vector<DroneFolder> drones_to_compare(const std::filesystem::path& dataset);
+
+// Throws std::runtime_error for these reasons, too, and when the dataset has no place that two
+// drones have seen.
 [[nodiscard]] DatasetComparison compare_descriptors(const std::filesystem::path& dataset,
                                                     const ComparisonConfig& config,
                                                     const OnImage& on_image = {});

@@ -166,13 +166,17 @@ double share_seen(const SurveyedView& from, const SurveyedView& to) {
 
 }  // namespace
 
+void require_ground_truth(const DroneFolder& drone) {
+  const std::filesystem::path truth = ground_truth_file(drone.mav0);
+  if (std::filesystem::exists(truth)) return;
+  throw std::runtime_error(truth.string() +
+                           ": is not there: which views show the same place is not known");
+}
+
 std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,
                                         ThermalMode thermal, const OnImage& on_image) {
+  require_ground_truth(drone);
   const Dataset dataset = read_recording(drone.mav0);
-  if (!dataset.ground_truth) {
-    throw std::runtime_error(ground_truth_file(drone.mav0).string() +
-                             ": is not there: which views show the same place is not known");
-  }
   Surveyor surveyor(drone, dataset, interval_s, thermal);
   std::size_t done = 0;
   for (const ImageEntry& image : dataset.images) {

@@ -26,6 +26,9 @@ struct SurveyedView {
   std::vector<Eigen::Vector3d> points_world;  // of those tracks that parallax places well
 };
 
+// Throws std::runtime_error for a drone without.
+void require_ground_truth(const DroneFolder& drone);
+
 // A view every `interval_s` of the flight, tracked at full rate. Throws std::runtime_error for a
 // drone without ground truth, and what `on_image` throws.
 [[nodiscard]] std::vector<SurveyedView> survey_flight(const DroneFolder& drone, double interval_s,

@@ -43,6 +43,7 @@ class ProgressByDrone {
 };
 
 std::vector<DatasetComparison> compare_all(const Options& options) {
+  for (const std::string& dataset : options.datasets) (void)drones_to_compare(dataset);
   std::vector<DatasetComparison> comparisons;
   for (const std::string& dataset : options.datasets) {
     comparisons.push_back(
@@ -56,10 +57,19 @@ std::vector<DatasetComparison> compare_all(const Options& options) {
   return comparisons;
 }
 
+void require_many_words(const Options& options) {
+  constexpr std::size_t kFewest = 1000;
+  const std::size_t words = options.comparison.many_words->words.size();
+  if (words >= kFewest) return;
+  throw std::runtime_error(options.many_words + ": has " + std::to_string(words) +
+                           " words; --bag takes " + std::to_string(kFewest) + " or more");
+}
+
 void compare(Options options) {
   options.comparison.vocabulary = load_vocabulary(options.vocabulary);
   if (!options.many_words.empty()) {
     options.comparison.many_words = load_vocabulary(options.many_words);
+    require_many_words(options);
   }
   if (!options.thermal.empty()) {
     options.comparison.thermal =

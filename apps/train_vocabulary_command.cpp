@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cinttypes>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -75,6 +76,7 @@ void add_train_vocabulary_command(CLI::App& covey) {
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   command->add_option("--seed", options->training.seed, "Another number, other words")
+      ->check(CLI::Range(std::uint64_t{0}, std::uint64_t{1} << 62U))
       ->capture_default_str();
   command->callback([options] { train(*options); });
 }

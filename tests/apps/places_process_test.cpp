@@ -82,6 +82,20 @@ TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
   EXPECT_THAT(unknown.output(), HasSubstr("'infrared': cannot be read"));
 }
 
+TEST(PlacesProgram, SaysBeforeTheWorkWhatIsWrong) {
+  const TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  CoveyProcess places({"places", COVEY_TEST_FLIGHT, "/nowhere", "--out", out});
+  EXPECT_EQ(places.finish(), 1);
+  EXPECT_EQ(places.output(), "covey: /nowhere: is not a folder: is the path right?\n");
+  CoveyProcess bag({"places", COVEY_TEST_FLIGHT, "--bag", "visual", "--out", out});
+  EXPECT_EQ(bag.finish(), 1);
+  EXPECT_EQ(bag.output(), "covey: visual: has 64 words; --bag takes 1000 or more\n");
+  CoveyProcess seed({"train-vocabulary", COVEY_TEST_FLIGHT, "--seed", "-1", "--out", out});
+  EXPECT_EQ(seed.finish(), 2);
+  EXPECT_THAT(seed.output(), HasSubstr("--seed"));
+}
+
 TEST(PlacesProgram, WritesIntoNoFolderThatHoldsSomethingElse) {
   const TemporaryFolder folder;
   const std::string mine = folder.write("out/curves.csv", "mine").string();
