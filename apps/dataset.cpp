@@ -57,13 +57,21 @@ std::vector<ImageEntry> read_image_list(const fs::path& cam0) {
     image.stamp_ns = reader.stamp_from_nanoseconds(0);
     image.path = cam0 / "data" / std::string(reader.text(1));
     if (!images.empty()) require_increasing(reader, images.back().stamp_ns, image.stamp_ns);
-    if (!fs::is_regular_file(image.path)) {
-      reader.fail("the image " + image.path.string() + " does not exist");
-    }
     images.push_back(std::move(image));
   }
   if (images.empty()) throw std::runtime_error(csv.string() + ": lists no image");
   return images;
+}
+
+// In flight they are left out as others are that cannot be read.
+std::vector<std::string> missing_images_warning(const fs::path& csv,
+                                                const std::vector<ImageEntry>& images) {
+  const auto is_missing = [](const ImageEntry& image) { return !fs::is_regular_file(image.path); };
+  const auto first = std::find_if(images.begin(), images.end(), is_missing);
+  if (first == images.end()) return {};
+  return {csv.string() + ": " + std::to_string(std::count_if(first, images.end(), is_missing)) +
+          " of " + std::to_string(images.size()) + " images are not there, the first of them " +
+          first->path.string()};
 }
 
 std::vector<ImuGap> find_gaps(const std::vector<ImuSample>& imu) {
@@ -277,8 +285,10 @@ Dataset read_sensors(const fs::path& mav0) {
 Dataset read_dataset(const fs::path& mav0) {
   Dataset dataset = read_sensors(mav0);
   dataset.images = read_image_list(mav0 / "cam0");
-  const Span images{mav0 / "cam0" / "data.csv", dataset.images.front().stamp_ns,
-                    dataset.images.back().stamp_ns};
+  const fs::path image_csv = mav0 / "cam0" / "data.csv";
+  for (std::string& warning : missing_images_warning(image_csv, dataset.images))
+    dataset.warnings.push_back(std::move(warning));
+  const Span images{image_csv, dataset.images.front().stamp_ns, dataset.images.back().stamp_ns};
 
   const fs::path imu_csv = mav0 / "imu0" / "data.csv";
   dataset.imu = read_imu(imu_csv);

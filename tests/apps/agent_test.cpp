@@ -175,13 +175,17 @@ class SpoiledAtAnyPace : public SpoiledRecording,
 
 TEST_P(SpoiledAtAnyPace, ImagesThatCannotBeReadAreLeftOutAndCounted) {
   for (const std::size_t image : {0, 20, 21}) cut_short(image);
+  fs::remove(images_[30]);
   CoveyProcess covey(command(GetParam()));
   EXPECT_EQ(covey.finish(), 0) << covey.output();
   EXPECT_THAT(covey.output(), HasSubstr(images_[0].string() + ": image is damaged or cut short"));
   EXPECT_THAT(covey.output(), Not(HasSubstr(images_[20].string()))) << "told once";
+  EXPECT_THAT(covey.output(),
+              HasSubstr("1 of " + std::to_string(COVEY_TEST_FLIGHT_FRAMES) +
+                        " images are not there, the first of them " + images_[30].string()));
   const json summary = json::parse(file_content(out_ / kAgentSummaryFile));
-  EXPECT_EQ(summary["frames"], COVEY_TEST_FLIGHT_FRAMES - 3);
-  EXPECT_EQ(summary["frames_dropped"], 3);
+  EXPECT_EQ(summary["frames"], COVEY_TEST_FLIGHT_FRAMES - 4);
+  EXPECT_EQ(summary["frames_dropped"], 4);
 }
 
 INSTANTIATE_TEST_SUITE_P(Paces, SpoiledAtAnyPace, testing::Values("max", "rate"),

@@ -312,9 +312,17 @@ TEST_F(DatasetTest, DuplicateStampsAreNamed) {
   expect_refused("cam0/data.csv:2: ", "appears twice");
 }
 
-TEST_F(DatasetTest, AnImageThatDoesNotExistIsNamed) {
+TEST_F(DatasetTest, ImagesThatDoNotExistAreReportedAndNotFatalUnlessNoneDoes) {
   fs::remove(mav0() / "cam0" / "data" / "b.png");
-  expect_refused("cam0/data.csv:3: ", "b.png does not exist");
+  fs::remove(mav0() / "cam0" / "data" / "c.png");
+  const Dataset dataset = read_dataset(mav0());
+  EXPECT_EQ(dataset.images.size(), 3u);
+  EXPECT_THAT(
+      dataset.warnings,
+      ElementsAre(AllOf(HasSubstr("data.csv: 2 of 3 images are not there"), HasSubstr("b.png"))));
+  fs::remove(mav0() / "cam0" / "data" / "a.png");
+  EXPECT_THAT([this] { (void)read_recording(mav0()); },
+              ThrowsMessage<std::runtime_error>(HasSubstr("no image can be read")));
 }
 
 TEST_F(DatasetTest, EmptyFilesAreRefused) {
