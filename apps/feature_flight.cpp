@@ -85,10 +85,14 @@ FlownKeyframe FeatureFlight::keyframe(const CameraMeasurement& image, const Keyf
 }
 
 std::vector<FlownImage> fly_alone(const DroneFeatures& drone, const EstimatorConfig& config,
-                                  const KeyframeRule& rule, std::uint64_t seed) {
+                                  const KeyframeRule& rule, std::uint64_t seed,
+                                  const AfterImage& after_image) {
   FeatureFlight flight(drone, config, rule, seed);
   std::vector<FlownImage> images;
-  while (!flight.ended()) images.push_back(flight.next());
+  while (!flight.ended()) {
+    images.push_back(flight.next());
+    if (after_image) after_image();
+  }
   return images;
 }
 

@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -63,9 +64,13 @@ class FeatureFlight {
   std::size_t next_image_ = 0, next_imu_ = 0;
 };
 
+// Called after each image; what it throws ends the work.
+using AfterImage = std::function<void()>;
+
 // The whole flight.
 [[nodiscard]] std::vector<FlownImage> fly_alone(const DroneFeatures& drone,
                                                 const EstimatorConfig& config,
-                                                const KeyframeRule& rule, std::uint64_t seed);
+                                                const KeyframeRule& rule, std::uint64_t seed,
+                                                const AfterImage& after_image = {});
 
 }  // namespace covey

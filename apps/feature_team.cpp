@@ -32,7 +32,7 @@ void count(const std::string& drone, const std::string& own_name, bool used, boo
 template <typename Corrector, typename Fuse, typename Tell>
 std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exchange,
                                      std::vector<Corrector>& correctors, const Fuse& fuse,
-                                     const Tell& tell) {
+                                     const Tell& tell, const AfterImage& after_image) {
   std::vector<TeamMember> members(team.names.size());
   const auto timed = [&](std::size_t i, const auto& work) {
     const double start_ms = thread_cpu_ms();
@@ -63,6 +63,7 @@ std::vector<TeamMember> exchange_all(const SoloTeam& team, FeatureExchange& exch
         if (found) tell(i, *found, members);
       }
     }
+    if (after_image) after_image();
   }
   for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
   return members;
@@ -132,12 +133,13 @@ class CentralFlight {
 }  // namespace
 
 SoloTeam fly_team_alone(const FeatureSimulation& simulation, const EstimatorConfig& config,
-                        const KeyframeRule& rule, std::uint64_t seed) {
+                        const KeyframeRule& rule, std::uint64_t seed,
+                        const AfterImage& after_image) {
   SoloTeam team;
   for (std::size_t i = 0; i < simulation.drones.size(); ++i) {
     const DroneFeatures& drone = simulation.drones[i];
     team.names.push_back(drone.name);
-    team.flights.push_back(fly_alone(drone, config, rule, seed * 100 + i));
+    team.flights.push_back(fly_alone(drone, config, rule, seed * 100 + i, after_image));
   }
   return team;
 }
@@ -151,7 +153,8 @@ std::vector<TeamMember> alone(const SoloTeam& team) {
 }
 
 std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange exchange,
-                                     const DriftConfig& drift, int min_matches) {
+                                     const DriftConfig& drift, int min_matches,
+                                     const AfterImage& after_image) {
   std::vector<DriftFilter> filters;
   for (const std::string& name : team.names) filters.emplace_back(drift, name);
   const auto use = [&](std::size_t i, const RelativePose& relative, TeamMember& member) {
@@ -170,11 +173,11 @@ std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange excha
     const auto told = exchange.tell(i, found);
     if (told) (void)use(told->drone, told->found, members[told->drone]);
   };
-  return exchange_all(team, exchange, filters, fuse, tell);
+  return exchange_all(team, exchange, filters, fuse, tell, after_image);
 }
 
 std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team, FeatureExchange exchange,
-                                                   int min_matches) {
+                                                   int min_matches, const AfterImage& after_image) {
   std::vector<SplitIntersection> filters(team.names.size());
   const auto fuse = [&](std::size_t i, const KeyframeMatch& match, TeamMember& member) {
     const auto relative = estimate_relative_pose(match, min_matches);
@@ -187,13 +190,14 @@ std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team, Feature
     return used ? relative : std::nullopt;
   };
   const auto tell_nobody = [](std::size_t, const RelativePose&, std::vector<TeamMember>&) {};
-  return exchange_all(team, exchange, filters, fuse, tell_nobody);
+  return exchange_all(team, exchange, filters, fuse, tell_nobody, after_image);
 }
 
 std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,
                                              const EstimatorConfig& config,
                                              const KeyframeRule& rule, std::uint64_t seed,
-                                             FeatureExchange exchange) {
+                                             FeatureExchange exchange,
+                                             const AfterImage& after_image) {
   std::vector<TeamMember> members(simulation.drones.size());
   std::vector<FeatureFlight> flights;
   for (std::size_t i = 0; i < members.size(); ++i) {
@@ -217,6 +221,7 @@ std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation
       }
       members[i].fusion_cpu_ms += thread_cpu_ms() - start_ms;
     }
+    if (after_image) after_image();
   }
   for (std::size_t i = 0; i < members.size(); ++i) members[i].traffic = exchange.traffic(i);
   return members;
@@ -226,7 +231,7 @@ std::vector<TeamMember> fuse_centrally(const FeatureSimulation& simulation,
                                        const EstimatorConfig& config, const KeyframeRule& rule,
                                        std::uint64_t seed,
                                        const std::vector<std::vector<std::size_t>>& groups,
-                                       double own_start_s) {
+                                       double own_start_s, const AfterImage& after_image) {
   const std::vector<CameraMeasurement>& stamps = simulation.drones.front().camera;
   const TimeNs takeover_ns = stamps.front().stamp_ns + nanoseconds(own_start_s);
   std::vector<TeamMember> members(simulation.drones.size());
@@ -244,7 +249,10 @@ std::vector<TeamMember> fuse_centrally(const FeatureSimulation& simulation,
       starts.push_back(take_over(flight.snapshot(), simulation.drones[i].extrinsics));
     }
     CentralFlight flight(simulation, group, central, starts);
-    for (; k < stamps.size(); ++k) flight.fly(k, members);
+    for (; k < stamps.size(); ++k) {
+      flight.fly(k, members);
+      if (after_image) after_image();
+    }
   }
   return members;
 }

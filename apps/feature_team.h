@@ -23,7 +23,7 @@ struct SoloTeam {
 };
 [[nodiscard]] SoloTeam fly_team_alone(const FeatureSimulation& simulation,
                                       const EstimatorConfig& config, const KeyframeRule& rule,
-                                      std::uint64_t seed);
+                                      std::uint64_t seed, const AfterImage& after_image = {});
 
 struct TeamMember {
   FlownPath path;
@@ -38,24 +38,24 @@ struct TeamMember {
 
 // Drift filters beside the odometries: the flights alone serve any number of exchanges.
 [[nodiscard]] std::vector<TeamMember> fuse_jointly(const SoloTeam& team, FeatureExchange exchange,
-                                                   const DriftConfig& drift, int min_matches);
+                                                   const DriftConfig& drift, int min_matches,
+                                                   const AfterImage& after_image = {});
 
 // The same by split covariance intersection (SplitIntersection).
-[[nodiscard]] std::vector<TeamMember> fuse_by_split_intersection(const SoloTeam& team,
-                                                                 FeatureExchange exchange,
-                                                                 int min_matches);
+[[nodiscard]] std::vector<TeamMember> fuse_by_split_intersection(
+    const SoloTeam& team, FeatureExchange exchange, int min_matches,
+    const AfterImage& after_image = {});
 
 // Covariance intersection inside the filters: these have to fly again.
-[[nodiscard]] std::vector<TeamMember> fuse_by_intersection(const FeatureSimulation& simulation,
-                                                           const EstimatorConfig& config,
-                                                           const KeyframeRule& rule,
-                                                           std::uint64_t seed,
-                                                           FeatureExchange exchange);
+[[nodiscard]] std::vector<TeamMember> fuse_by_intersection(
+    const FeatureSimulation& simulation, const EstimatorConfig& config, const KeyframeRule& rule,
+    std::uint64_t seed, FeatureExchange exchange, const AfterImage& after_image = {});
 
 // The ceiling: from `own_start_s` on, when every drone's own filter has found its scale, one
 // central filter takes over all drones of a group (CentralFilter). Each drone in one group.
 [[nodiscard]] std::vector<TeamMember> fuse_centrally(
     const FeatureSimulation& simulation, const EstimatorConfig& config, const KeyframeRule& rule,
-    std::uint64_t seed, const std::vector<std::vector<std::size_t>>& groups, double own_start_s);
+    std::uint64_t seed, const std::vector<std::vector<std::size_t>>& groups, double own_start_s,
+    const AfterImage& after_image = {});
 
 }  // namespace covey

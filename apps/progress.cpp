@@ -11,8 +11,8 @@ namespace covey {
 
 using Clock = std::chrono::steady_clock;
 
-Progress::Progress(std::size_t total)
-    : total_(total), terminal_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
+Progress::Progress(std::size_t total, const char* what)
+    : total_(total), what_(what), terminal_(::isatty(STDERR_FILENO) != 0), start_(Clock::now()) {}
 
 void Progress::show(std::size_t done) {
   const double elapsed_s = std::chrono::duration<double>(Clock::now() - start_).count();
@@ -25,10 +25,10 @@ void Progress::show(std::size_t done) {
   constexpr int kWidth = 30;
   const std::string bar(static_cast<std::size_t>(kWidth * share), '#');
   if (terminal_)
-    std::fprintf(stderr, "\r[%-*s] %zu/%zu images %-12s", kWidth, bar.c_str(), done, total_,
+    std::fprintf(stderr, "\r[%-*s] %zu/%zu %s %-12s", kWidth, bar.c_str(), done, total_, what_,
                  left.c_str());
   else
-    std::fprintf(stderr, "%zu/%zu images %s\n", done, total_, left.c_str());
+    std::fprintf(stderr, "%zu/%zu %s %s\n", done, total_, what_, left.c_str());
   if (terminal_ && done == total_) std::fputc('\n', stderr);
 }
 

@@ -2,12 +2,17 @@
 #include "apps/study_command.h"
 
 #include <CLI/CLI.hpp>
+#include <cstddef>
 #include <cstdio>
 #include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "apps/number_range.h"
+#include "apps/progress.h"
+#include "apps/stop_signal.h"
 #include "apps/study_report.h"
 #include "apps/team_study.h"
 #include "sim/dataset_writer.h"
@@ -23,11 +28,24 @@ struct Options {
   bool force = false;
 };
 
+// A line for each team.
+class StudyProgress {
+ public:
+  void operator()(std::size_t done, std::size_t flights) {
+    if (stop_requested()) throw std::runtime_error("study: interrupted, nothing is written");
+    if (!progress_) progress_.emplace(flights, "flights");
+    progress_->show(done);
+  }
+
+ private:
+  std::optional<Progress> progress_;
+};
+
 void study_scaling(const Options& options) {
   StagedFolder folder(options.out, options.force ? is_scaling : nullptr);
   std::vector<ScalingPoint> points;
   for (const int drones : options.team_sizes) {
-    points.push_back(study_team_size(options.study, drones));
+    points.push_back(study_team_size(options.study, drones, StudyProgress()));
     std::fprintf(stderr, "%d drones: done\n", drones);
   }
   write_scaling(folder.path(), options.study, points);
@@ -37,13 +55,14 @@ void study_scaling(const Options& options) {
 
 void study_ablation(const Options& options) {
   StagedFolder folder(options.out, options.force ? is_ablation : nullptr);
-  const std::vector<AblationRow> rows = study_parts(options.study, options.drones);
+  const std::vector<AblationRow> rows = study_parts(options.study, options.drones, StudyProgress());
   write_ablation(folder.path(), options.study, rows);
   folder.commit();
   std::fputs(ablation_table(rows).c_str(), stdout);
 }
 
 void study(const Options& options) {
+  catch_stop_signals();
   if (options.what == "scaling") {
     study_scaling(options);
   } else {

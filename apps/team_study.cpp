@@ -12,18 +12,39 @@
 namespace covey {
 namespace {
 
+// How many flights of all drones are done.
+class FlightCount {
+ public:
+  FlightCount(const OnFlight& tell, std::size_t flights) : tell_(tell), flights_(flights) {}
+
+  void tell() const {
+    if (tell_) tell_(done_, flights_);
+  }
+  void add() {
+    ++done_;
+    tell();
+  }
+
+ private:
+  const OnFlight& tell_;
+  std::size_t done_ = 0, flights_;
+};
+
 struct SimulatedTeam {
   FeatureSimulation simulation;
   EstimatorConfig estimator;
   FeatureExchangeConfig exchange;
   SoloTeam solo;
   std::vector<PathFigures> alone;  // of each drone
+  AfterImage after_image;
 };
 
 // Names and ids are free text: these do not fit into a signed byte.
 std::string name_of(std::size_t drone) { return "hawk-" + std::to_string(200 + drone); }
 
-SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t seed) {
+// `count`: must outlive it.
+SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t seed,
+                            const FlightCount& count) {
   const std::optional<Scenario> place = scenario_from_name(config.scenario);
   if (!place) {
     throw std::runtime_error("study: no scenario '" + config.scenario +
@@ -35,7 +56,7 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   scenario.flight.duration_s = config.duration_s;
   scenario.camera.pixel_sigma = config.pixel_sigma;
   scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
-  SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}, {}};
+  SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}, {}, [&count] { count.tell(); }};
   for (std::size_t i = 0; i < team.simulation.drones.size(); ++i) {
     team.simulation.drones[i].name = name_of(i);
   }
@@ -43,14 +64,15 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   team.exchange.bearing_sigma = scenario.camera.pixel_sigma / scenario.camera.focal_px;
   team.exchange.corner_mismatch = config.corner_mismatch_px / scenario.camera.focal_px;
   team.exchange.seed = seed;
-  team.solo = fly_team_alone(team.simulation, team.estimator, team.exchange.limits.keyframe, seed);
+  team.solo = fly_team_alone(team.simulation, team.estimator, team.exchange.limits.keyframe, seed,
+                             team.after_image);
   for (const TeamMember& member : alone(team.solo)) team.alone.push_back(figures_of(member.path));
   return team;
 }
 
 std::vector<TeamMember> fuse(const SimulatedTeam& team, const FeatureExchangeConfig& exchange) {
   return fuse_jointly(team.solo, FeatureExchange(exchange, team.solo.names), DriftConfig{},
-                      exchange.limits.matching.min_matches);
+                      exchange.limits.matching.min_matches, team.after_image);
 }
 
 void add(TeamFigures& sum, const std::vector<TeamMember>& members, const SimulatedTeam& team,
@@ -88,8 +110,8 @@ std::vector<TeamMember> fuse_parts(const SimulatedTeam& team, SharedLandmarks la
 std::vector<TeamMember> fuse_own_loops(const SimulatedTeam& team) {
   FeatureExchange exchange(team.exchange, team.solo.names);
   for (std::size_t i = 0; i < team.solo.names.size(); ++i) exchange.silence(i);
-  return fuse_jointly(team.solo, exchange, DriftConfig{},
-                      team.exchange.limits.matching.min_matches);
+  return fuse_jointly(team.solo, exchange, DriftConfig{}, team.exchange.limits.matching.min_matches,
+                      team.after_image);
 }
 
 std::vector<TeamMember> fuse_untold(const SimulatedTeam& team) {
@@ -125,7 +147,7 @@ std::vector<TeamMember> fuse_centrally(const SimulatedTeam& team,
                                        const std::vector<std::vector<std::size_t>>& groups) {
   constexpr double kOwnStart_s = 2;
   return fuse_centrally(team.simulation, team.estimator, team.exchange.limits.keyframe,
-                        team.exchange.seed, groups, kOwnStart_s);
+                        team.exchange.seed, groups, kOwnStart_s, team.after_image);
 }
 
 std::vector<Variant> variants() {
@@ -142,15 +164,15 @@ std::vector<Variant> variants() {
        [](const SimulatedTeam& team) { return fuse_parts(team, SharedLandmarks::kAll, true); }},
       {"covariance intersection in the filter",
        [](const SimulatedTeam& team) {
-         return fuse_by_intersection(team.simulation, team.estimator, team.exchange.limits.keyframe,
-                                     team.exchange.seed,
-                                     FeatureExchange(team.exchange, team.solo.names));
+         return fuse_by_intersection(
+             team.simulation, team.estimator, team.exchange.limits.keyframe, team.exchange.seed,
+             FeatureExchange(team.exchange, team.solo.names), team.after_image);
        }},
       {"split covariance intersection of corrected poses",
        [](const SimulatedTeam& team) {
-         return fuse_by_split_intersection(team.solo,
-                                           FeatureExchange(team.exchange, team.solo.names),
-                                           team.exchange.limits.matching.min_matches);
+         return fuse_by_split_intersection(
+             team.solo, FeatureExchange(team.exchange, team.solo.names),
+             team.exchange.limits.matching.min_matches, team.after_image);
        }},
       {"joint, and nobody hears what came of its answer", fuse_untold},
       {"joint, unlimited answers, corners coincide", fuse_unlimited},
@@ -163,13 +185,18 @@ std::vector<Variant> variants() {
 
 }  // namespace
 
-ScalingPoint study_team_size(const StudyConfig& config, int drones) {
+ScalingPoint study_team_size(const StudyConfig& config, int drones, const OnFlight& on_flight) {
+  FlightCount count(on_flight, 2 * static_cast<std::size_t>(config.seeds));
+  count.tell();
   ScalingPoint point;
   point.drones = drones;
   for (int seed = 1; seed <= config.seeds; ++seed) {
-    const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
+    const SimulatedTeam team =
+        simulate_team(config, drones, static_cast<std::uint64_t>(seed), count);
+    count.add();
     add(point.alone, alone(team.solo), team, config.seeds);
     const std::vector<TeamMember> together = fuse(team, team.exchange);
+    count.add();
     add(point.together, together, team, config.seeds);
     const double share = 1 / (static_cast<double>(drones) * config.seeds);
     for (const TeamMember& member : together) {
@@ -186,13 +213,19 @@ ScalingPoint study_team_size(const StudyConfig& config, int drones) {
   return point;
 }
 
-std::vector<AblationRow> study_parts(const StudyConfig& config, int drones) {
+std::vector<AblationRow> study_parts(const StudyConfig& config, int drones,
+                                     const OnFlight& on_flight) {
   const std::vector<Variant> all = variants();
+  FlightCount count(on_flight, (1 + all.size()) * static_cast<std::size_t>(config.seeds));
+  count.tell();
   std::vector<AblationRow> rows(all.size());
   for (int seed = 1; seed <= config.seeds; ++seed) {
-    const SimulatedTeam team = simulate_team(config, drones, static_cast<std::uint64_t>(seed));
+    const SimulatedTeam team =
+        simulate_team(config, drones, static_cast<std::uint64_t>(seed), count);
+    count.add();
     for (std::size_t i = 0; i < all.size(); ++i) {
       const std::vector<TeamMember> members = all[i].second(team);
+      count.add();
       rows[i].variant = all[i].first;
       add(rows[i].figures, members, team, config.seeds);
       for (const TeamMember& member : members) {

@@ -4,6 +4,8 @@
 // parts of it taken away.
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -35,8 +37,13 @@ struct ScalingPoint {
   double sent_bytes_per_s = 0;      // answers, and every question to each peer
   double fusion_ms_per_s = 0;       // CPU, relative poses and drift filter
 };
+// Told at every image how many of the flights of all drones are done; what it throws ends the
+// study.
+using OnFlight = std::function<void(std::size_t done, std::size_t flights)>;
+
 // Throw std::runtime_error for a scenario that is not there.
-[[nodiscard]] ScalingPoint study_team_size(const StudyConfig& config, int drones);
+[[nodiscard]] ScalingPoint study_team_size(const StudyConfig& config, int drones,
+                                           const OnFlight& on_flight = {});
 
 struct AblationRow {
   std::string variant;
@@ -44,6 +51,7 @@ struct AblationRow {
   double relative_poses = 0;  // used, per drone
 };
 // The first row is alone.
-[[nodiscard]] std::vector<AblationRow> study_parts(const StudyConfig& config, int drones);
+[[nodiscard]] std::vector<AblationRow> study_parts(const StudyConfig& config, int drones,
+                                                   const OnFlight& on_flight = {});
 
 }  // namespace covey

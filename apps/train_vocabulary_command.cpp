@@ -3,12 +3,16 @@
 
 #include <CLI/CLI.hpp>
 #include <cinttypes>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "apps/progress.h"
+#include "apps/stop_signal.h"
 #include "apps/training_images.h"
 #include "apps/vocabulary_file.h"
 #include "apps/whole_file.h"
@@ -40,7 +44,14 @@ void train(const Options& options) {
   const TrainingSet set = describe(options);
   std::fprintf(stderr, "training %d words, %d times ...\n", options.training.words,
                options.training.restarts);
-  const TrainedVocabulary trained = train_vocabulary(set.descriptors, options.training);
+  catch_stop_signals();
+  Progress progress(static_cast<std::size_t>(options.training.restarts), "trainings");
+  const TrainedVocabulary trained =
+      train_vocabulary(set.descriptors, options.training, [&](int done) {
+        if (stop_requested())
+          throw std::runtime_error("train-vocabulary: interrupted, nothing is written");
+        progress.show(static_cast<std::size_t>(done));
+      });
   write_vocabulary(options.out, trained.vocabulary);
   std::printf("%s: %zu words from %zu images, %zu descriptors\n", options.out.c_str(),
               trained.vocabulary.words.size(), set.images, set.descriptors.size());

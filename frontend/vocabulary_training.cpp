@@ -12,13 +12,15 @@ namespace covey {
 namespace {
 
 using Descriptors = std::vector<BinaryDescriptor>;
+using Alive = std::function<void()>;  // called every now and then
 
 // 0 <= result < bound. std::uniform_int_distribution may differ between standard libraries.
 std::uint64_t draw(std::mt19937_64& random, std::uint64_t bound) { return random() % bound; }
 
 // k-means++ (Arthur and Vassilvitskii 2007): each next word is a descriptor drawn with a
 // probability that grows with the square of its distance to the words there are.
-Vocabulary spread_words(const Descriptors& descriptors, int words, std::mt19937_64& random) {
+Vocabulary spread_words(const Descriptors& descriptors, int words, std::mt19937_64& random,
+                        const Alive& alive) {
   Vocabulary vocabulary;
   vocabulary.words.push_back(descriptors[draw(random, descriptors.size())]);
   std::vector<std::uint64_t> weights(descriptors.size(), 65536);  // 256 bits, squared
@@ -34,6 +36,7 @@ Vocabulary spread_words(const Descriptors& descriptors, int words, std::mt19937_
     std::size_t chosen = 0;
     while (left >= weights[chosen]) left -= weights[chosen++];
     vocabulary.words.push_back(descriptors[chosen]);
+    alive();
   }
   return vocabulary;
 }
@@ -114,9 +117,9 @@ void check(const Descriptors& descriptors, const TrainingConfig& config) {
 }
 
 TrainedVocabulary train_once(const Descriptors& descriptors, const TrainingConfig& config,
-                             std::mt19937_64& random) {
+                             std::mt19937_64& random, const Alive& alive) {
   TrainedVocabulary result;
-  result.vocabulary = spread_words(descriptors, config.words, random);
+  result.vocabulary = spread_words(descriptors, config.words, random, alive);
   Assignment assignment = assign(descriptors, result.vocabulary);
   while (result.iterations < config.max_iterations && !result.converged) {
     result.vocabulary = move_words(descriptors, assignment, result.vocabulary.words.size());
@@ -124,6 +127,7 @@ TrainedVocabulary train_once(const Descriptors& descriptors, const TrainingConfi
     result.converged = next.word == assignment.word;
     assignment = std::move(next);
     ++result.iterations;
+    alive();
   }
   result.mean_distance_bits = mean_of(assignment.distance);
   return result;
@@ -132,14 +136,19 @@ TrainedVocabulary train_once(const Descriptors& descriptors, const TrainingConfi
 }  // namespace
 
 TrainedVocabulary train_vocabulary(const std::vector<BinaryDescriptor>& descriptors,
-                                   const TrainingConfig& config) {
+                                   const TrainingConfig& config, const OnTraining& on_training) {
   check(descriptors, config);
   std::mt19937_64 random(config.seed);
-  TrainedVocabulary best = train_once(descriptors, config, random);
-  for (int i = 1; i < config.restarts; ++i) {
-    TrainedVocabulary next = train_once(descriptors, config, random);
+  int done = 0;
+  const Alive alive = [&] {
+    if (on_training) on_training(done);
+  };
+  TrainedVocabulary best = train_once(descriptors, config, random, alive);
+  while (++done < config.restarts) {
+    TrainedVocabulary next = train_once(descriptors, config, random, alive);
     if (next.mean_distance_bits < best.mean_distance_bits) best = std::move(next);
   }
+  alive();
   return best;
 }
 

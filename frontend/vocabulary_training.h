@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "frontend/place_recognition.h"
@@ -25,9 +26,13 @@ struct TrainedVocabulary {
   double mean_distance_bits = 0;  // of a descriptor to its word
 };
 
+// Told now and then how many of the trainings are done; what it throws ends them.
+using OnTraining = std::function<void(int done)>;
+
 // Throws std::runtime_error if there are fewer different descriptors than words. Same input, same
 // output.
 [[nodiscard]] TrainedVocabulary train_vocabulary(const std::vector<BinaryDescriptor>& descriptors,
-                                                 const TrainingConfig& config);
+                                                 const TrainingConfig& config,
+                                                 const OnTraining& on_training = {});
 
 }  // namespace covey

@@ -40,6 +40,17 @@ TEST(PlacesProgram, TrainsOnAFlightAndMeasuresWithTheWords) {
   EXPECT_GT(flight["descriptors"]["compact"]["average_precision"], 0.5);
 }
 
+TEST(PlacesProgram, ATrainingShowsHowFarItIsAndCanBeStopped) {
+  const TemporaryFolder folder;
+  CoveyProcess training({"train-vocabulary", COVEY_TEST_FLIGHT, "--out",
+                         (folder.path() / "words.txt").string(), "--restarts", "1000"});
+  ASSERT_TRUE(training.wait_for("/1000 trainings"));
+  training.send(SIGINT);
+  EXPECT_EQ(training.finish(), 1);
+  EXPECT_THAT(training.output(), HasSubstr("train-vocabulary: interrupted, nothing is written"));
+  EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+}
+
 TEST(SurveyFlight, LooksAtImagesAsTheyAreFlownOrAsAskedFor) {
   const DroneFolder drone = find_drones(COVEY_TEST_FLIGHT).front();
   const auto features = [&](ThermalMode thermal) {

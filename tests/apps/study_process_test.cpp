@@ -17,10 +17,12 @@ namespace {
 using ::testing::HasSubstr;
 
 std::vector<std::string> short_study(const std::string& what, const std::filesystem::path& out,
-                                     const std::vector<std::string>& more = {}) {
-  std::vector<std::string> command = {
-      "study", what,       "--scenario", "castle_parallel", "--seconds", "3",     "--seeds",
-      "1",     "--drones", "2",          "--sizes",         "2",         "--out", out.string()};
+                                     const std::vector<std::string>& more = {},
+                                     const std::string& seeds = "1") {
+  std::vector<std::string> command = {"study", what, "--scenario", "castle_parallel"};
+  for (const char* const word : {"--seconds", "3", "--drones", "2", "--sizes", "2"})
+    command.emplace_back(word);
+  command.insert(command.end(), {"--seeds", seeds, "--out", out.string()});
   command.insert(command.end(), more.begin(), more.end());
   return command;
 }
@@ -41,6 +43,18 @@ TEST(StudyProgram, ReplacesNothingButAStudyOfItsKindAndOnlyWhenAsked) {
   EXPECT_EQ(CoveyProcess(short_study("scaling", out, {"--force"})).finish(), 0);
   EXPECT_EQ(CoveyProcess(short_study("ablation", out, {"--force"})).finish(), 1);
   EXPECT_FALSE(std::filesystem::exists(out / "ablation.csv"));
+}
+
+TEST(StudyProgram, ShowsHowFarItIsAndIsStoppedAtAnyImage) {
+  const TemporaryFolder folder;
+  for (const char* what : {"scaling", "ablation"}) {
+    CoveyProcess covey(short_study(what, folder.path() / "out", {}, "1000"));
+    ASSERT_TRUE(covey.wait_for("0 flights")) << what;
+    covey.send(SIGINT);
+    EXPECT_EQ(covey.finish(), 1);
+    EXPECT_THAT(covey.output(), HasSubstr("study: interrupted, nothing is written"));
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
+  }
 }
 
 }  // namespace
