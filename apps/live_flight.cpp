@@ -3,6 +3,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <map>
@@ -166,10 +167,17 @@ std::string world_name(const AgentConfig& config) {
   return config.initialisation.own_world ? config.agent.name + "/world" : "world";
 }
 
-// Who waits for it is there for its peers, and says so in its folder. Nothing if stopped.
+// Who waits for it is there for its peers, and says so in its folder. Nothing if stopped, or if
+// agent.duration_s is over; however short that is, drivers have a while to come up.
 std::optional<CameraImage> first_image(Agent& agent, LiveSensors& sensors) {
+  constexpr double kDriversComeUp_s = 10;
+  const double duration_s = agent.config().agent.duration_s, begun_ms = steady_ms();
+  const auto is_over = [&] {
+    const double waited_s = (steady_ms() - begun_ms) * 1e-3;
+    return duration_s > 0 && waited_s > std::max(duration_s, kDriversComeUp_s);
+  };
   std::optional<CameraImage> image;
-  while (!image && !stop_requested()) {
+  while (!image && !stop_requested() && !is_over()) {
     image = sensors.next_image();
     agent.take_inbox();
     agent.handle_messages();
@@ -262,7 +270,10 @@ bool run_live_agent(const AgentConfig& config) {
                onboard.domain);
   std::optional<CameraImage> image = first_image(*agent, sensors);
   if (!image) {
-    const std::string why = "stopped before an image came on " + onboard.image_topic;
+    const std::string why =
+        (stop_requested() ? "stopped before an image came on "
+                          : "agent.duration_s was over before an image came on ") +
+        onboard.image_topic;
     agent->finish(why);
     throw std::runtime_error(why);
   }

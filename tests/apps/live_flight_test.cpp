@@ -274,6 +274,16 @@ TEST_F(LiveFlight, SaysWhatIsSilentAndIsStoppedBeforeItsFirstImage) {
   EXPECT_THAT(drone.output(), HasSubstr("stopped before an image came on camera/image_raw"));
 }
 
+TEST_F(LiveFlight, FailsWhenItsTimeIsOverBeforeAnImageComes) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 1;  // ten are waited
+  CoveyProcess drone({"agent", "--config", config_file(wanted)});
+  EXPECT_EQ(drone.finish(), 1);
+  EXPECT_THAT(drone.output(),
+              HasSubstr("agent.duration_s was over before an image came on camera"));
+  EXPECT_THAT(summary("live")["incomplete"].get<std::string>(), HasSubstr("before an image came"));
+}
+
 TEST_F(LiveFlight, WhatIsWrongWithItsSettingsIsSaidBeforeAnyImageComes) {
   json wanted = settings("live");
   wanted["agent"]["mode"] = "collaborative";
