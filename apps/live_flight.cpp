@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/live_flight.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -17,6 +18,7 @@
 #include "apps/camera_pixels.h"
 #include "apps/dataset.h"
 #include "apps/process_usage.h"
+#include "apps/sensor_clocks.h"
 #include "apps/stop_signal.h"
 
 namespace covey {
@@ -69,18 +71,24 @@ class LiveSensors {
       ++unusable_;
       return {};
     }
-    newest_image_ns_ = image->stamp_ns;
-    compare_clocks();
+    warn_of_clocks(clocks_.see_image(image->stamp_ns, steady_ms()));
     return image;
   }
 
   [[nodiscard]] std::vector<ImuSample> imu() {
     std::vector<ImuSample> samples = link_.take_imu();
-    if (!samples.empty()) newest_imu_ns_ = samples.back().stamp_ns;
+    if (!samples.empty()) warn_of_clocks(clocks_.see_imu(samples.back().stamp_ns, steady_ms()));
     return samples;
   }
 
-  // Images that have come and were not given out.
+  // The image that was given out last is of another clock: the IMU will not pass it.
+  [[nodiscard]] bool gives_up_waiting() {
+    const bool in_vain = clocks_.waits_in_vain(steady_ms());
+    if (in_vain) ++unusable_;
+    return in_vain;
+  }
+
+  // Images that have come and were not flown.
   [[nodiscard]] std::uint64_t dropped() const {
     const OnboardCounts counts = link_.counts();
     return counts.images_dropped + counts.image_stamps.left_out() + unusable_;
@@ -139,15 +147,14 @@ class LiveSensors {
     return std::to_string(left_out) + " left out so far";
   }
 
-  // Of what has just come from both.
-  void compare_clocks() {
-    constexpr double kMostApart_s = 1;
-    const double apart_s = seconds_between(newest_imu_ns_, newest_image_ns_);
-    if (newest_imu_ns_ == 0 || std::abs(apart_s) < kMostApart_s) return;
-    if (imu_silence_.seconds() > kMostApart_s / 2) return;
-    complaints_.tell("clocks", "stamps on " + config_.image_topic + " and " + config_.imu_topic +
-                                   " are " + std::to_string(apart_s) +
-                                   " s apart: both must be of one clock, and come in time");
+  void warn_of_clocks(const std::optional<double>& images_ahead_s) {
+    if (!images_ahead_s) return;
+    complaints_.tell(
+        "clocks",
+        fmt::format("stamps on {} are {:.1f} s {} those on {}: both must be of one clock, and come "
+                    "in time",
+                    config_.image_topic, std::abs(*images_ahead_s),
+                    *images_ahead_s > 0 ? "ahead of" : "behind", config_.imu_topic));
   }
 
   static constexpr double kSilence_s = 2;
@@ -157,7 +164,7 @@ class LiveSensors {
   const CameraIntrinsics camera_;
   Complaints complaints_;
   Silence camera_silence_, imu_silence_;
-  TimeNs newest_image_ns_ = 0, newest_imu_ns_ = 0;
+  SensorClocks clocks_;
   StampCounts image_stamps_, imu_stamps_;  // that were told
   std::uint64_t refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
 };
@@ -239,6 +246,8 @@ bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
       agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // the tracker keeps it
       warn_of_wait(agent, seconds_between(first_ns, image->stamp_ns), complaints);
       image.reset();
+    } else if (image && sensors.gives_up_waiting()) {
+      image.reset();  // the next one takes its place
     }
     sensors.warn_of_trouble();
     agent.show_status();

@@ -329,27 +329,67 @@ TEST_F(LiveFlight, ImagesOfAnotherSizeAreNotFlown) {
       << drone.output();
 }
 
+// What a drone that lies still hears; its clocks are this test's.
+class StillDrone {
+ public:
+  explicit StillDrone(const OnboardConfig& onboard) : player_(onboard) {
+    while (!player_.is_heard()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+
+  void play(TimeNs imu_ns, TimeNs image_ns) {
+    image_.stamp_ns = image_ns;
+    player_.play(ImuSample{imu_ns, {0, 0, 0}, {0, 0, 9.81}});
+    player_.play(image_);
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+
+ private:
+  SensorPlayer player_;
+  CameraImage image_{0, 752, 480, 1, std::vector<std::uint8_t>(std::size_t{752} * 480)};
+};
+
 TEST_F(LiveFlight, SensorsOfTwoClocksAreTold) {
-  const OnboardConfig onboard = read_config(config_file(settings("live"))).onboard;
   const std::string config = config_file(settings("live"));
+  for (const auto& [images_ahead_s, words] :
+       {std::pair{-1000.0, "1000.0 s behind those on imu/data_raw: both must be of one clock"},
+        std::pair{1000.0, "1000.0 s ahead of those on imu/data_raw: both must be of one clock"}}) {
+    CoveyProcess drone({"agent", "--config", config});
+    ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+    StillDrone sensors(read_config(config).onboard);
+    std::atomic<bool> told = false;
+    std::thread drivers([&, ahead_ns = nanoseconds(images_ahead_s)] {
+      for (TimeNs now_ns = nanoseconds(1e6); !told; now_ns += nanoseconds(0.01))
+        sensors.play(now_ns, now_ns + ahead_ns);
+    });
+    EXPECT_TRUE(drone.wait_for(words)) << drone.output();
+    told = true;
+    drivers.join();
+  }
+}
+
+// The first image waits for an IMU of another clock in vain: no flight begins so long ago.
+TEST_F(LiveFlight, WhoseImuClockIsPutRightFliesOnlyNewImages) {
+  json wanted = settings("live");
+  wanted["agent"]["duration_s"] = 4;
+  wanted["agent"]["image_queue"] = 4;
+  const std::string config = config_file(wanted);
   CoveyProcess drone({"agent", "--config", config});
   ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
-  SensorPlayer player(onboard);
-  std::atomic<bool> told = false;
+  StillDrone sensors(read_config(config).onboard);
+  std::atomic<bool> ended = false;
+  const TimeNs begin_ns = nanoseconds(1e6);
   std::thread drivers([&] {
-    const CameraImage image{nanoseconds(1), 752, 480, 1,
-                            std::vector<std::uint8_t>(std::size_t{752} * 480)};
-    for (TimeNs i = 0; !told; ++i) {
-      CameraImage next = image;
-      next.stamp_ns += i * nanoseconds(0.01);
-      player.play(ImuSample{nanoseconds(1e6) + i * nanoseconds(0.01), {0, 0, 0}, {0, 0, 9.81}});
-      player.play(next);
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    for (TimeNs now_ns = begin_ns; !ended; now_ns += nanoseconds(0.01)) {
+      const bool put_right = now_ns > begin_ns + nanoseconds(2);
+      sensors.play(put_right ? now_ns : now_ns - nanoseconds(1000), now_ns);
     }
   });
-  EXPECT_TRUE(drone.wait_for("s apart: both must be of one clock")) << drone.output();
-  told = true;
+  (void)drone.finish();
+  ended = true;
   drivers.join();
+  const auto flown = read_timings(folder_.path() / "live" / kTimingsFile);
+  ASSERT_FALSE(flown.empty()) << drone.output();
+  EXPECT_GT(flown.front().stamp_ns, begin_ns + nanoseconds(0.5)) << drone.output();
 }
 
 TEST_F(LiveFlight, AStartFromGroundTruthIsRefused) {
