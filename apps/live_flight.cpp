@@ -17,6 +17,7 @@
 #include "apps/agent.h"
 #include "apps/camera_pixels.h"
 #include "apps/dataset.h"
+#include "apps/flight_time.h"
 #include "apps/process_usage.h"
 #include "apps/sensor_clocks.h"
 #include "apps/stop_signal.h"
@@ -201,42 +202,17 @@ void warn_of_wait(const Agent& agent, double waited_s, Complaints& complaints) {
   if (reason && waited_s > kPatience_s) complaints.tell("start", "does not start yet: " + *reason);
 }
 
-// When agent.duration_s is over: by the stamps of images, and by this computer's clock once no more
-// come.
-class FlightTime {
- public:
-  FlightTime(double duration_s, TimeNs first_ns) : duration_s_(duration_s), first_ns_(first_ns) {}
-
-  void see(const CameraImage& image) {
-    newest_ns_ = image.stamp_ns;
-    newest_ms_ = steady_ms();
-  }
-  [[nodiscard]] bool is_over() const {
-    constexpr double kSilence_s = 1;
-    if (duration_s_ == 0) return false;
-    if (seconds_between(first_ns_, newest_ns_) > duration_s_) return true;
-    const double now_ms = steady_ms();
-    return now_ms - begun_ms_ > 1e3 * duration_s_ && now_ms - newest_ms_ > 1e3 * kSilence_s;
-  }
-
- private:
-  double duration_s_ = 0;
-  TimeNs first_ns_ = 0, newest_ns_ = first_ns_;
-  double begun_ms_ = steady_ms(), newest_ms_ = begun_ms_;
-};
-
 // Each image as soon as the IMU has passed it. False: stopped before agent.duration_s was over.
 bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
                        std::optional<CameraImage> image) {
-  const TimeNs first_ns = image->stamp_ns;
-  FlightTime time(agent.config().agent.duration_s, first_ns);
+  FlightTime time(agent.config().agent.duration_s, image->stamp_ns, steady_ms());
   Complaints complaints;
   while (!stop_requested()) {
     if (!image) {
       image = sensors.next_image();
-      if (image) time.see(*image);
+      if (image) time.see_image(image->stamp_ns, steady_ms());
     }
-    if (time.is_over()) return true;
+    if (time.is_over(steady_ms())) return true;
     const bool covered = image && link.wait_for_imu(agent.imu_moment(image->stamp_ns), kPoll);
     agent.add_imu(sensors.imu());
     agent.take_inbox();
@@ -244,7 +220,7 @@ bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     agent.set_dropped(sensors.dropped());
     if (covered) {
       agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // the tracker keeps it
-      warn_of_wait(agent, seconds_between(first_ns, image->stamp_ns), complaints);
+      warn_of_wait(agent, time.flown_s(), complaints);
       image.reset();
     } else if (image && sensors.gives_up_waiting()) {
       image.reset();  // the next one takes its place
