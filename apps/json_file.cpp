@@ -15,12 +15,15 @@ namespace covey {
 namespace {
 
 // Of two values of one key the first would be lost without a word.
-class UniqueKeys {
+class UniqueKeysOnFewLevels {
  public:
-  explicit UniqueKeys(std::string name) : name_(std::move(name)) {}
+  explicit UniqueKeysOnFewLevels(std::string name) : name_(std::move(name)) {}
 
-  bool operator()(int /*depth*/, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
+  bool operator()(int depth, nlohmann::json::parse_event_t event, nlohmann::json& parsed) {
     using Event = nlohmann::json::parse_event_t;
+    if (depth > kMostJsonLevels)
+      throw std::runtime_error(name_ + ": nested deeper than " + std::to_string(kMostJsonLevels) +
+                               " levels: that is none of Covey's files");
     if (event == Event::object_start) open_objects_.emplace_back();
     if (event == Event::object_end) open_objects_.pop_back();
     if (event == Event::key && !open_objects_.back().insert(parsed.get<std::string>()).second)
@@ -37,7 +40,7 @@ class UniqueKeys {
 
 nlohmann::json parse_json(std::istream& stream, const std::string& name) {
   try {
-    return nlohmann::json::parse(stream, UniqueKeys(name));
+    return nlohmann::json::parse(stream, UniqueKeysOnFewLevels(name));
   } catch (const nlohmann::json::exception& error) {
     throw std::runtime_error(name + ": not valid JSON: " + error.what());
   }

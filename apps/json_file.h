@@ -8,7 +8,11 @@
 
 namespace covey {
 
-// Throws std::runtime_error that names the source, `name`, when it is not JSON.
+// Ours has fewer levels. Who copies, compares or prints a value calls itself for each of them: a
+// hundred thousand would overflow the stack.
+inline constexpr int kMostJsonLevels = 32;
+
+// Throws std::runtime_error that names the source, `name`, when it is not JSON, or has more levels.
 [[nodiscard]] nlohmann::json parse_json(std::istream& stream, const std::string& name);
 
 // Throws std::runtime_error that names the file when it cannot be read or is not JSON.

@@ -54,6 +54,19 @@ void erase_front(Bytes& buffer, std::size_t& used) {
   used = 0;
 }
 
+// Refused as soon as it has too many levels: what follows calls itself for each of them.
+Decoded<Json> json_in(const Bytes& content) {
+  bool too_deep = false;
+  const auto look = [&](int depth, Json::parse_event_t, const Json&) {
+    too_deep = too_deep || depth > kMostJsonLevels;
+    return !too_deep;  // else it is not kept
+  };
+  Json json = Json::parse(content.begin(), content.end(), look, false);
+  if (too_deep) return Rejected{"report is nested too deep"};
+  if (json.is_discarded()) return Rejected{"report is not JSON"};
+  return json;
+}
+
 // A number that is none of ours, such as -1 or 1e300, would be cut to something else.
 bool holds_counts_and_texts(const Json& json) {
   if (!json.is_structured()) return json.is_number_unsigned() || json.is_string();
@@ -139,8 +152,9 @@ Bytes encode(const LinkReport& report) {
 }
 
 Decoded<LinkReport> decode_link_report(const Bytes& content) {
-  Json json = Json::parse(content.begin(), content.end(), nullptr, false);
-  if (json.is_discarded()) return Rejected{"report is not JSON"};
+  Decoded<Json> decoded = json_in(content);
+  if (const auto* rejected = std::get_if<Rejected>(&decoded)) return *rejected;
+  Json& json = std::get<Json>(decoded);
   const Json clocks = json.is_object() ? json.value("clocks", Json()) : Json();
   if (json.is_object()) json.erase("clocks");
   if (!holds_counts_and_texts(json)) return Rejected{"report holds something else than counts"};

@@ -127,6 +127,16 @@ TEST(ConfigFile, AKeyThatStandsTwiceIsNamed) {
                   AllOf(HasSubstr(file), HasSubstr("key \"max_tracks\" stands twice"))));
 }
 
+TEST(ConfigFile, AFileThatIsNestedDeepIsNamed) {
+  const std::string file = testing::TempDir() + "deep_config.json";
+  const std::size_t levels = 200'000;
+  std::ofstream(file) << R"({"agent": {"name": )" << std::string(levels, '[')
+                      << std::string(levels, ']') << "}}";
+  EXPECT_THAT([&] { (void)read_config(file); },
+              testing::ThrowsMessage<std::runtime_error>(
+                  AllOf(HasSubstr(file), HasSubstr("nested deeper than 32 levels"))));
+}
+
 TEST(ConfigFile, EveryPrintedKeyIsDescribed) {
   const json printed = json::parse(print_config(AgentConfig()));
   const std::string description = describe_config();

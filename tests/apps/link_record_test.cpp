@@ -143,6 +143,16 @@ TEST(LinkRecord, AReportThatNobodyCanMeanIsRefused) {
   EXPECT_EQ(after("\"clocks\"", "\"docks\""), "report holds something else than counts");
 }
 
+// As deep as a record is long: who calls itself for each level has no stack for that.
+TEST(LinkRecord, AReportThatIsNestedDeepIsRefused) {
+  const std::size_t levels = max_content(RecordKind::kReport) / 2 - 16;
+  const std::string deep = std::string(levels, '[') + std::string(levels, ']');
+  for (const std::string& text :
+       {deep, "{\"statistics\":" + deep + "}", "{\"clocks\":" + deep + "}",
+        "{\"clocks\":" + std::string(levels, '[')})
+    EXPECT_EQ(reason(decode_link_report(to_bytes(text))), "report is nested too deep");
+}
+
 TEST(LinkRecord, RandomDamageDoesNoHarm) {
   const Bytes stream = stream_of(
       {{RecordKind::kReport, encode(report())}, {RecordKind::kRequest, encode(samples::advert())}});
