@@ -196,6 +196,20 @@ cv::Mat read_mask(const fs::path& file, const CameraIntrinsics& camera) {
   return mask;
 }
 
+fs::path without_detours(const fs::path& folder) {
+  return fs::absolute(folder / "").lexically_normal().parent_path();
+}
+
+// All of them if it has fewer.
+fs::path last_parts(const fs::path& path, std::ptrdiff_t count) {
+  const std::ptrdiff_t left_out = std::distance(path.begin(), path.end()) - count;
+  fs::path last;
+  for (auto part = std::next(path.begin(), std::max<std::ptrdiff_t>(left_out, 0));
+       part != path.end(); ++part)
+    last /= *part;
+  return last;
+}
+
 }  // namespace
 
 std::vector<DroneFolder> find_drones(const fs::path& folder) {
@@ -220,8 +234,25 @@ std::vector<DroneFolder> find_drones(const fs::path& folder) {
   return drones;
 }
 
-std::string dataset_name(const fs::path& folder) {
-  return fs::absolute(folder / "").lexically_normal().parent_path().filename().string();
+std::string dataset_name(const fs::path& folder) { return without_detours(folder).filename(); }
+
+std::vector<std::string> dataset_names(const std::vector<fs::path>& folders) {
+  std::vector<fs::path> paths;
+  for (const fs::path& folder : folders) {
+    paths.push_back(without_detours(folder));
+    if (std::count(paths.begin(), paths.end(), paths.back()) > 1)
+      throw std::runtime_error(folder.string() + ": is named twice");
+  }
+  std::vector<std::string> names;
+  for (const fs::path& path : paths) {
+    std::ptrdiff_t parts = 1;
+    while (std::count_if(paths.begin(), paths.end(), [&](const fs::path& other) {
+             return last_parts(other, parts) == last_parts(path, parts);
+           }) > 1)
+      ++parts;
+    names.push_back(last_parts(path, parts));
+  }
+  return names;
 }
 
 std::vector<ImuSample> read_imu(const fs::path& csv) {

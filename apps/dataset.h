@@ -60,6 +60,10 @@ struct Dataset {
 
 // What people call it: the name of its folder, however the path is written.
 [[nodiscard]] std::string dataset_name(const std::filesystem::path& folder);
+// The same, with as many of the folders above each as tell it from the others. Throws
+// std::runtime_error if one stands there twice.
+[[nodiscard]] std::vector<std::string> dataset_names(
+    const std::vector<std::filesystem::path>& folders);
 
 [[nodiscard]] Dataset read_dataset(const std::filesystem::path& mav0);
 

@@ -2,7 +2,9 @@
 //
 // What `covey places` leaves in its folder:
 //
-//   places.json    average precision, recall at full precision, bytes: per dataset and descriptor
+//   places.json    average precision, recall at full precision, bytes: per dataset and descriptor;
+//                  datasets are called as their folders, with those above as far as it takes to
+//                  tell them apart (dataset_names)
 //   curves.csv     dataset, descriptor, threshold, precision, recall
 //   places.svg     the curves, one chart for each dataset
 #pragma once

@@ -43,12 +43,15 @@ class ProgressByDrone {
 };
 
 std::vector<DatasetComparison> compare_all(const Options& options) {
-  for (const std::string& dataset : options.datasets) (void)drones_to_compare(dataset);
+  const std::vector<std::filesystem::path> datasets(options.datasets.begin(),
+                                                    options.datasets.end());
+  const std::vector<std::string> names = dataset_names(datasets);
+  for (const std::filesystem::path& dataset : datasets) (void)drones_to_compare(dataset);
   std::vector<DatasetComparison> comparisons;
-  for (const std::string& dataset : options.datasets) {
-    comparisons.push_back(
-        compare_descriptors(std::filesystem::path(dataset), options.comparison, ProgressByDrone()));
-    const DatasetComparison& done = comparisons.back();
+  for (const std::filesystem::path& dataset : datasets) {
+    comparisons.push_back(compare_descriptors(dataset, options.comparison, ProgressByDrone()));
+    DatasetComparison& done = comparisons.back();
+    done.dataset = names[comparisons.size() - 1];
     std::fprintf(stderr,
                  "%s: %zu views; of two drones' views %zu pairs show the same place, %zu "
                  "another one\n",

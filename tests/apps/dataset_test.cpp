@@ -466,5 +466,21 @@ TEST(DatasetName, IsItsFoldersHoweverThePathIsWritten) {
   EXPECT_EQ(dataset_name("."), std::filesystem::current_path().filename());
 }
 
+TEST(DatasetName, HasWhatTellsItFromTheOthers) {
+  EXPECT_EQ(dataset_names({"a/castle", "a/yard"}), (std::vector<std::string>{"castle", "yard"}));
+  EXPECT_EQ(dataset_names({"a/castle", "yard", "b/castle/"}),
+            (std::vector<std::string>{"a/castle", "yard", "b/castle"}));
+  EXPECT_EQ(dataset_names({"x/a/castle", "y/a/castle", "b/castle"}),
+            (std::vector<std::string>{"x/a/castle", "y/a/castle", "b/castle"}));
+  EXPECT_EQ(dataset_names({"/castle", "/a/castle"}),
+            (std::vector<std::string>{"/castle", "a/castle"}));
+  EXPECT_THAT(
+      [] {
+        (void)dataset_names({"a/castle", "b/castle", "./a/castle/"});
+      },
+      testing::ThrowsMessage<std::runtime_error>(
+          testing::HasSubstr("./a/castle/: is named twice")));
+}
+
 }  // namespace
 }  // namespace covey

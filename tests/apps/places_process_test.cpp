@@ -81,6 +81,31 @@ TEST(Targets, AreLookedAtBeforeTheWork) {
   EXPECT_THAT(nameless.output(), HasSubstr("--out names no folder"));
 }
 
+// The test flight under the same name in another folder.
+std::string flight_below(const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  std::filesystem::create_directory_symlink(COVEY_TEST_FLIGHT, folder / "flight");
+  return (folder / "flight").string();
+}
+
+TEST(PlacesProgram, DatasetsOfOneNameAreToldApart) {
+  const TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  const std::string first = flight_below(folder.path() / "a"),
+                    second = flight_below(folder.path() / "b");
+  CoveyProcess places({"places", first, second, "--interval", "1", "--out", out});
+  ASSERT_EQ(places.finish(), 0) << places.output();
+  const nlohmann::json json = read_json_file(out + "/places.json");
+  EXPECT_EQ(json.size(), 2u);
+  EXPECT_EQ(json.at("a/flight"), json.at("b/flight"));
+  EXPECT_THAT(file_content(out + "/curves.csv"), HasSubstr("\nb/flight,compact,"));
+
+  CoveyProcess twice({"places", first, first + "/", "--out", out + "2"});
+  EXPECT_EQ(twice.finish(), 1);
+  EXPECT_THAT(twice.output(), HasSubstr("flight/: is named twice"));
+  EXPECT_FALSE(std::filesystem::exists(out + "2"));
+}
+
 TEST(PlacesProgram, SaysInOneLineWhatIsWrong) {
   const TemporaryFolder folder;
   const std::string here = folder.path().string();
@@ -124,7 +149,8 @@ TEST(PlacesProgram, WritesIntoNoFolderThatHoldsSomethingElse) {
 TEST(PlacesProgram, IsStoppedAtAnyImageAndLeavesNothing) {
   const TemporaryFolder folder;
   const std::string out = (folder.path() / "out").string();
-  CoveyProcess places({"places", COVEY_TEST_FLIGHT, COVEY_TEST_FLIGHT, "--out", out});
+  CoveyProcess places(
+      {"places", COVEY_TEST_FLIGHT, flight_below(folder.path() / "again"), "--out", out});
   ASSERT_TRUE(places.wait_for("images"));
   places.send(SIGINT);
   EXPECT_EQ(places.finish(), 1);
