@@ -4,11 +4,16 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
+#include <regex>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "apps/chart_sheet.h"
+#include "apps/folder_entries.h"
 #include "apps/inspect_pictures.h"
 #include "apps/json_file.h"
 #include "apps/png_file.h"
@@ -24,6 +29,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
+constexpr char kPage[] = "index.html", kSummary[] = "summary.json";
+constexpr char kEndOfTitle[] = " \u00b7 Covey</title>";
 constexpr double kChartWidth = 420, kChartHeight = 240;  // px
 constexpr char kRawColor[] = "series-d", kCalibratedColor[] = "series-a", kTruthColor[] = "muted";
 
@@ -265,8 +272,8 @@ std::string page(const InspectReport& report, const std::optional<ThermalCompari
   const bool thermal = inspection.calibrated.has_value();
   std::string html =
       "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>" +
-      escape_html(report.dataset + ", " + report.drone) + " \u00b7 Covey</title>\n<style>" +
-      kReportStyle + "</style>\n</head>\n<body>\n<main>\n<h1>" +
+      escape_html(report.dataset + ", " + report.drone) + kEndOfTitle + "\n<style>" + kReportStyle +
+      "</style>\n</head>\n<body>\n<main>\n<h1>" +
       escape_html(report.dataset + ", " + report.drone) + "</h1>\n";
   html += figures_table(inspection, compared);
   html +=
@@ -291,6 +298,20 @@ std::string page(const InspectReport& report, const std::optional<ThermalCompari
     }
   }
   return html + "</main>\n</body>\n</html>\n";
+}
+
+bool is_file_of_report(const fs::path& file) {
+  static const std::regex kPicture("(before_after|tracks)_[0-9]+\\.png");
+  static const std::set<std::string> kOthers = {kPage,        kSummary,          "harris.svg",
+                                                "tracks.svg", "gain_offset.svg", "field.png"};
+  const std::string name = file.filename();
+  return is_plain_file(file) && (kOthers.count(name) > 0 || std::regex_match(name, kPicture));
+}
+
+bool is_our_page(const fs::path& page) {
+  std::ifstream stream(page, std::ios::binary);
+  const std::string html{std::istreambuf_iterator<char>(stream), {}};
+  return html.find(kEndOfTitle) != std::string::npos;
 }
 
 }  // namespace
@@ -333,13 +354,13 @@ void write_inspect_report(const fs::path& folder, const InspectReport& report) {
                      chart_sheet(gain_charts(inspection, compared), gains));
     write_field(folder, report);
   }
-  write_json_file(folder / "summary.json", inspect_summary(report));
-  write_whole_file(folder / "index.html", page(report, compared));
+  write_json_file(folder / kSummary, inspect_summary(report));
+  write_whole_file(folder / kPage, page(report, compared));
 }
 
-bool is_inspect_report(const std::filesystem::path& folder) {
-  return std::filesystem::exists(folder / "index.html") &&
-         std::filesystem::exists(folder / "summary.json");
+bool is_inspect_report(const fs::path& folder) {
+  return fs::exists(folder / kPage) && fs::exists(folder / kSummary) &&
+         all_entries(folder, is_file_of_report) && is_our_page(folder / kPage);
 }
 
 }  // namespace covey

@@ -33,7 +33,7 @@ struct InspectReport {
 
 // Into a folder that exists. Throws std::runtime_error naming what cannot be written.
 void write_inspect_report(const std::filesystem::path& folder, const InspectReport& report);
-// Of a folder that exists: is that what lies there?
+// Of a folder that exists: is that what lies there, and nothing else?
 [[nodiscard]] bool is_inspect_report(const std::filesystem::path& folder);
 
 }  // namespace covey

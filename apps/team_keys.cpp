@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "apps/config_json.h"
+#include "apps/folder_entries.h"
 #include "apps/whole_file.h"
 #include "comms/checks.h"
 #include "comms/key_folder.h"
@@ -27,6 +28,8 @@ using std::chrono::system_clock;
 constexpr char kAuthorityFolder[] = "team.authority";
 constexpr char kTeamFile[] = "team.json";
 constexpr char kDronesFolder[] = "drones";
+constexpr char kIdentityKeyFile[] = "identity_key.pem",
+               kPermissionsKeyFile[] = "permissions_key.pem";
 constexpr int kAuthorityDays = 3650;
 
 [[noreturn]] void fail(const fs::path& what, const std::string& complaint) {
@@ -75,9 +78,9 @@ void write_authority(const fs::path& folder, const TeamAuthority& authority) {
                                {"first_domain", authority.domains.first},
                                {"last_domain", authority.domains.last}};
   write_private_file(folder / kTeamFile, team.dump(2) + "\n");
-  write_private_file(folder / "identity_key.pem", authority.identity.key);
+  write_private_file(folder / kIdentityKeyFile, authority.identity.key);
   write_private_file(folder / kIdentityAuthorityFile, authority.identity.certificate);
-  write_private_file(folder / "permissions_key.pem", authority.permissions.key);
+  write_private_file(folder / kPermissionsKeyFile, authority.permissions.key);
   write_private_file(folder / kPermissionsAuthorityFile, authority.permissions.certificate);
   write_private_file(folder / kRevokedFile, authority.revoked);
 }
@@ -92,9 +95,9 @@ TeamAuthority read_authority(const fs::path& team_folder) {
   } catch (const nlohmann::json::exception& error) {
     fail(folder / kTeamFile, std::string("is damaged: ") + error.what());
   }
-  out.identity = {content_of(folder / "identity_key.pem"),
+  out.identity = {content_of(folder / kIdentityKeyFile),
                   content_of(folder / kIdentityAuthorityFile)};
-  out.permissions = {content_of(folder / "permissions_key.pem"),
+  out.permissions = {content_of(folder / kPermissionsKeyFile),
                      content_of(folder / kPermissionsAuthorityFile)};
   out.revoked = content_of(folder / kRevokedFile);
   return out;
@@ -104,8 +107,40 @@ fs::path issued_certificate(const fs::path& team_folder, const std::string& dron
   return team_folder / kAuthorityFolder / kDronesFolder / (drone + ".pem");
 }
 
+// Names of files: nobody else's are among them, and no folder.
+bool holds_only(const fs::path& folder, const std::set<std::string>& names) {
+  return is_plain_folder(folder) && all_entries(folder, [&](const fs::path& entry) {
+           return is_plain_file(entry) && names.count(entry.filename()) > 0;
+         });
+}
+
+bool is_authority(const fs::path& folder) {
+  static const std::set<std::string> kFiles = {kTeamFile,           kIdentityKeyFile,
+                                               kPermissionsKeyFile, kIdentityAuthorityFile,
+                                               kRevokedFile,        kPermissionsAuthorityFile};
+  return is_plain_folder(folder) && fs::exists(folder / kTeamFile) &&
+         all_entries(folder, [&](const fs::path& entry) {
+           if (entry.filename() != kDronesFolder)
+             return is_plain_file(entry) && kFiles.count(entry.filename()) > 0;
+           return is_plain_folder(entry) && all_entries(entry, [](const fs::path& certificate) {
+                    return is_plain_file(certificate) && certificate.extension() == ".pem" &&
+                           is_agent_name(certificate.stem());
+                  });
+         });
+}
+
+bool is_drones_folder(const fs::path& folder) {
+  return is_agent_name(folder.filename()) &&
+         holds_only(folder,
+                    {kPrivateKeyFile, kCertificateFile, kIdentityAuthorityFile,
+                     kPermissionsAuthorityFile, kRevokedFile, kGovernanceFile, kPermissionsFile});
+}
+
+// A team's, and nothing else.
 bool is_key_folder(const fs::path& folder) {
-  return fs::exists(folder / kAuthorityFolder / kTeamFile);
+  return is_authority(folder / kAuthorityFolder) && all_entries(folder, [](const fs::path& entry) {
+           return entry.filename() == kAuthorityFolder || is_drones_folder(entry);
+         });
 }
 
 // -------------------------------------------------------------------------------------- the drones

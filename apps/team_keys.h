@@ -24,7 +24,7 @@ struct TeamKeysRequest {
   int days = 365;  // from now; not for revocation
 };
 
-// `replace` an existing folder, else it is refused.
+// `replace` an existing folder of keys, in which nothing else is; else it is refused.
 void make_team_keys(const TeamKeysRequest& request, const std::string& team,
                     const DomainRange& domains, bool replace);
 

@@ -101,6 +101,28 @@ TEST(Inspect, LeavesOutImagesThatCannotBeRead) {
   EXPECT_GT(summary["calibrated"]["tracks"]["mean_per_frame"], 100);
 }
 
+TEST(Inspect, ForceReplacesAReportAndNothingElse) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 8 --out " + yard.string()),
+      "");
+  const std::string again = "inspect " + yard.string() + " --images 1 --force --out ";
+  ASSERT_EQ(complaint_of(again + out.string()), "");
+  EXPECT_EQ(complaint_of(again + out.string()), "") << "all that it writes may go";
+  for (const char* own : {"thesis.tex", "tracks_two.png"}) {
+    const fs::path mine = folder.write(fs::path("out") / own, "precious");
+    EXPECT_THAT(complaint_of(again + out.string()), HasSubstr("there is something else")) << own;
+    EXPECT_EQ(text(mine), "precious");
+    fs::remove(mine);
+  }
+  const fs::path site = folder.write("web/index.html", "<title>Mine</title>");
+  (void)folder.write("web/summary.json", "{}");
+  EXPECT_THAT(complaint_of(again + site.parent_path().string()),
+              HasSubstr("there is something else"));
+  EXPECT_EQ(text(site), "<title>Mine</title>");
+}
+
 TEST(Inspect, SaysInOneLineWhatIsWrongAndLeavesNothing) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";

@@ -101,6 +101,25 @@ TEST_F(Keys, AFolderOfOtherThingsIsNotReplaced) {
   EXPECT_EQ(file_content(keys() / "thesis.txt"), "mine");
 }
 
+TEST_F(Keys, NobodysOwnFilesAreReplacedAmongKeys) {
+  (void)run({"--team", "blue", "uav0"});
+  const std::string key = file_content(keys() / "uav0" / kPrivateKeyFile);
+  for (const char* own : {"thesis.txt", "uav0/thesis.txt", "team.authority/thesis.txt",
+                          "team.authority/drones/thesis.txt", "thesis/key.txt"}) {
+    fs::create_directories((keys() / own).parent_path());
+    std::ofstream(keys() / own) << "mine";
+    EXPECT_THAT(run({"--team", "blue", "uav0", "--force"}, 1), HasSubstr("there is something else"))
+        << own;
+    EXPECT_EQ(file_content(keys() / own), "mine");
+    fs::remove(keys() / own);
+  }
+  EXPECT_EQ(file_content(keys() / "uav0" / kPrivateKeyFile), key);
+  fs::remove(keys() / "thesis");
+  (void)run({"--revoke", "uav0"});
+  (void)run({"--team", "blue", "uav1", "--force"});
+  EXPECT_THAT(entries(keys()), ElementsAre("team.authority", "uav1"));
+}
+
 TEST_F(Keys, WhatCannotBeIsNamedAndLeavesNothing) {
   EXPECT_THAT(run({"--team", "blue", "uav 0"}, 1), HasSubstr("\"uav 0\" is not a name"));
   EXPECT_THAT(run({"--team", "b/lue", "uav0"}, 1), HasSubstr("\"b/lue\" is not a name"));

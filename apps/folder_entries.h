@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What lies in a folder, for who wants to know whether somebody's own files are among it. Links are
+// somebody's own.
+#pragma once
+
+#include <algorithm>
+#include <filesystem>
+
+namespace covey {
+
+[[nodiscard]] inline bool is_plain_file(const std::filesystem::path& path) {
+  return std::filesystem::is_regular_file(std::filesystem::symlink_status(path));
+}
+
+[[nodiscard]] inline bool is_plain_folder(const std::filesystem::path& path) {
+  return std::filesystem::is_directory(std::filesystem::symlink_status(path));
+}
+
+// Of nothing as well.
+template <typename Test>
+[[nodiscard]] bool all_entries(const std::filesystem::path& folder, Test is_good) {
+  const std::filesystem::directory_iterator entries(folder);
+  return std::all_of(begin(entries), end(entries),
+                     [&](const auto& entry) { return is_good(entry.path()); });
+}
+
+}  // namespace covey
