@@ -152,6 +152,9 @@ std::size_t images_of_leg(const SimulationRequest& request) {
   if (request.legs <= 1) return 0;
   if (request.scenario == Scenario::kMarsYard)
     throw std::runtime_error("simulate: --legs is not for thermal cameras, which change in time");
+  if (request.line_delay_s != 0)
+    throw std::runtime_error(
+        "simulate: --legs is not for rolling shutters, whose images differ on the way back");
   const double leg_s =
       request.duration_s > 0 ? request.duration_s : default_duration_s(request.scenario);
   const double images = leg_s * request.camera_rate_hz;

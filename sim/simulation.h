@@ -34,7 +34,7 @@ struct SimulationRequest {
   std::optional<ImuNoise> imu_noise;       // empty: the scenario's own; not of recorded IMUs
   std::optional<double> imu_rate_hz;       // empty: 200
   double lap_m = 0;                        // m, see FlightRequest
-  int legs = 1;                            // see FlightRequest; visual cameras only
+  int legs = 1;                            // see FlightRequest; visual, global shutter only
   bool shutter_events = false;             // thermal cameras only
   double least_span_k = 0;  // K, thermal cameras only: ThermalSensor::min_range_k; 0: its own
   int texture_size = 4096;  // texels; smaller in quick tests

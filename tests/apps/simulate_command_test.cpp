@@ -42,6 +42,16 @@ std::string truth_csv(int rows, const std::string& spoiled_row = "") {
   return csv + spoiled_row;
 }
 
+std::string camera_yaml(const std::string& model, const std::string& focal_px,
+                        const std::string& distortion) {
+  return "comment: a lens of one's own\n"
+         "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+         "resolution: [200, 120]\ncamera_model: pinhole\n"
+         "intrinsics: [" +
+         focal_px + ", " + focal_px + ", 99.5, 59.5]\ndistortion_model: " + model +
+         "\ndistortion_coefficients: [" + distortion + "]\nline_delay: 5e-5\n";
+}
+
 TEST(SimulateCommand, WhatIsNoNumberIsNoLength) {
   EXPECT_THAT(simulate("mars_yard --seconds nan --out nowhere"),
               HasSubstr("--seconds: Value nan not in range 1 to 3600"));
@@ -122,11 +132,19 @@ TEST(SimulateCommand, ImagesOfTheWayBackAreThoseOfTheWayThere) {
   }
   EXPECT_NE(pixels(0), pixels(3));
   EXPECT_EQ(dataset.images[4].stamp_ns - dataset.images[3].stamp_ns, 500000000);
+}
 
+TEST(SimulateCommand, TheWayBackIsNotForCamerasWhoseImagesWouldDiffer) {
+  const TemporaryFolder folder;
   const std::string refused = " --legs 2 --out " + (folder.path() / "refused").string();
   EXPECT_THAT(simulate("castle_parallel --seconds 2 --rate 1.3" + refused), HasSubstr("whole"));
   EXPECT_THAT(simulate("mars_yard" + refused), HasSubstr("thermal"));
-  EXPECT_EQ(entries(folder.path()), 1u);
+  const fs::path rolling =
+      folder.write("rolling.yaml", camera_yaml("equidistant", "60", "0, 0, 0, 0"));
+  EXPECT_THAT(
+      simulate("castle_parallel --seconds 2 --rate 2 --camera " + rolling.string() + refused),
+      HasSubstr("--legs is not for rolling shutters"));
+  EXPECT_EQ(entries(folder.path()), 1u) << "only the camera";
 }
 
 TEST(SimulateCommand, KeepsARecordedImuAndItsStamps) {
@@ -190,16 +208,6 @@ TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
   EXPECT_THAT(simulate("room --raw16" + to), HasSubstr("mars_yard"));
   EXPECT_THAT(simulate("castle_parallel --shutter" + to), HasSubstr("--shutter is for thermal"));
   EXPECT_EQ(entries(folder.path()), 3u) << "only the csv files of this test";
-}
-
-std::string camera_yaml(const std::string& model, const std::string& focal_px,
-                        const std::string& distortion) {
-  return "comment: a lens of one's own\n"
-         "T_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
-         "resolution: [200, 120]\ncamera_model: pinhole\n"
-         "intrinsics: [" +
-         focal_px + ", " + focal_px + ", 99.5, 59.5]\ndistortion_model: " + model +
-         "\ndistortion_coefficients: [" + distortion + "]\nline_delay: 5e-5\n";
 }
 
 const char* const kImuYaml =
