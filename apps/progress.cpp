@@ -19,7 +19,7 @@ void Progress::show(std::size_t done) {
   const double every_s = terminal_ ? 0.2 : 5.0;
   if (elapsed_s < next_s_ && done < total_) return;
   next_s_ = elapsed_s + every_s;
-  const double share = static_cast<double>(done) / static_cast<double>(total_);
+  const double share = total_ > 0 ? static_cast<double>(done) / static_cast<double>(total_) : 1;
   const double left_s = done > 0 ? elapsed_s * (1 / share - 1) : 0;
   const std::string left = done > 0 ? std::to_string(std::lround(left_s)) + " s left" : "";
   constexpr int kWidth = 30;

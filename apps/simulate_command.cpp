@@ -182,6 +182,18 @@ void read_sensor_files(Options& options) {
         "simulate: --imu-noise and --imu-rate are for simulated IMUs, --imu is a recorded one");
 }
 
+// Nobody flies a dataset without images. Only a recording can be so short.
+void require_images(const std::vector<DroneSimulation>& drones, const Options& options) {
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    if (!drones[i].image_stamps().empty()) continue;
+    throw std::runtime_error(fmt::format(
+        "{}: ends before the first image, of which there are {:g} per second: fly more of it, or "
+        "more images (--rate)",
+        i < options.trajectories.size() ? options.trajectories[i] : drones[i].name(),
+        options.request.camera_rate_hz));
+  }
+}
+
 void simulate(Options options) {
   options.request.scenario = *scenario_from_name(options.scenario);
   if (options.request.scenario != Scenario::kMarsYard) {
@@ -197,6 +209,7 @@ void simulate(Options options) {
   read_sensor_files(options);
   read_recordings(options);
   std::vector<DroneSimulation> drones = make_simulation(options.request);
+  require_images(drones, options);
 
   std::size_t images = 0;
   for (const DroneSimulation& drone : drones) images += drone.image_stamps().size();

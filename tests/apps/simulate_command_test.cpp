@@ -187,6 +187,17 @@ TEST(SimulateCommand, BeginsWithinARecording) {
   EXPECT_EQ(first.imu.size(), second.imu.size());
 }
 
+TEST(SimulateCommand, ARecordingThatEndsBeforeTheFirstImageIsNamed) {
+  const TemporaryFolder folder;
+  const fs::path truth = folder.write("short.csv", truth_csv(8));  // 0.35 s
+  const std::string arguments =
+      "room --trajectory " + truth.string() + " --out " + (folder.path() / "room").string();
+  EXPECT_THAT(simulate(arguments + " --rate 1 --seed 2"),  // the first comes after 0.35 s
+              HasSubstr("short.csv: ends before the first image, of which there are 1 per second"));
+  EXPECT_EQ(entries(folder.path()), 1u) << "only the recording";
+  EXPECT_EQ(simulate(arguments + " --rate 5"), "");
+}
+
 TEST(SimulateCommand, BadRecordingsAreNamedByFileAndLineAndLeaveNothing) {
   const TemporaryFolder folder;
   const fs::path spoiled = folder.write("spoiled.csv", truth_csv(20, "3000000000,1,2,three\n"));
