@@ -36,7 +36,7 @@ class OnboardLink::Impl {
   void receive_image(const Bytes& bytes);
   void receive_imu(const Bytes& bytes);
   void refuse(const std::string& topic, const std::string& reason);  // locked
-  std::function<void()> unheard(const std::string& topic);
+  std::function<void(const std::string& policy)> unheard(const std::string& topic);
 
   const OnboardConfig config_;
   const std::string frame_, child_frame_;
@@ -73,10 +73,13 @@ OnboardLink::Impl::Impl(const OnboardConfig& config, std::string frame, std::str
       [this](const Bytes& bytes) { receive_imu(bytes); }, unheard(config.imu_topic));
 }
 
-std::function<void()> OnboardLink::Impl::unheard(const std::string& topic) {
-  return [this, topic] {
+std::function<void(const std::string& policy)> OnboardLink::Impl::unheard(
+    const std::string& topic) {
+  return [this, topic](const std::string& policy) {
     const std::lock_guard lock(mutex_);
-    refuse(topic, "its driver offers best effort alone, and onboard.reliable is true");
+    refuse(topic, policy == kReliability
+                      ? "its driver offers best effort alone, and onboard.reliable is true"
+                      : "its driver's QoS differs in " + policy + " from what is asked for");
   };
 }
 

@@ -104,9 +104,36 @@ void set_topic(Keep keep, Qos& qos) {
   qos.data_sharing().off();
 }
 
+// Those that a reader and a writer must agree on (DDS 1.4, 2.2.3).
+std::string name_of(dds::QosPolicyId_t policy) {
+  switch (policy) {
+    case dds::RELIABILITY_QOS_POLICY_ID:
+      return kReliability;
+    case dds::DURABILITY_QOS_POLICY_ID:
+      return "durability";
+    case dds::DEADLINE_QOS_POLICY_ID:
+      return "deadline";
+    case dds::LIVELINESS_QOS_POLICY_ID:
+      return "liveliness";
+    case dds::OWNERSHIP_QOS_POLICY_ID:
+      return "ownership";
+    case dds::DESTINATIONORDER_QOS_POLICY_ID:
+      return "destination order";
+    case dds::PRESENTATION_QOS_POLICY_ID:
+      return "presentation";
+    case dds::LATENCYBUDGET_QOS_POLICY_ID:
+      return "latency budget";
+    case dds::DATAREPRESENTATION_QOS_POLICY_ID:
+      return "data representation";
+    default:
+      return "policy " + std::to_string(policy);
+  }
+}
+
 class Listener : public dds::DataReaderListener {
  public:
-  Listener(std::function<void(const Bytes&)> received, std::function<void()> unheard)
+  Listener(std::function<void(const Bytes&)> received,
+           std::function<void(const std::string& policy)> unheard)
       : received_(std::move(received)), unheard_(std::move(unheard)) {}
 
   void on_data_available(dds::DataReader* reader) override {
@@ -122,14 +149,14 @@ class Listener : public dds::DataReaderListener {
     }
   }
 
-  void on_requested_incompatible_qos(
-      dds::DataReader* /*reader*/, const dds::RequestedIncompatibleQosStatus& /*status*/) override {
-    unheard_();
+  void on_requested_incompatible_qos(dds::DataReader* /*reader*/,
+                                     const dds::RequestedIncompatibleQosStatus& status) override {
+    unheard_(name_of(status.last_policy_id));
   }
 
  private:
   const std::function<void(const Bytes&)> received_;
-  const std::function<void()> unheard_;
+  const std::function<void(const std::string& policy)> unheard_;
 };
 
 }  // namespace
@@ -222,7 +249,7 @@ OnboardParticipant::~OnboardParticipant() = default;
 
 void OnboardParticipant::read(const OnboardTopic& topic, bool reliable,
                               std::function<void(const Bytes&)> received,
-                              std::function<void()> unheard) {
+                              std::function<void(const std::string& policy)> unheard) {
   impl_->read(topic, reliable, std::make_unique<Listener>(std::move(received), std::move(unheard)));
 }
 

@@ -59,6 +59,9 @@ struct OnboardTopic {
   std::size_t max_bytes = 0;
 };
 
+// The policy of delivery, by which best effort differs from reliable.
+inline constexpr char kReliability[] = "reliability";
+
 class OnboardParticipant {
  public:
   // Throws std::runtime_error that says what to do, as the others do.
@@ -67,10 +70,10 @@ class OnboardParticipant {
   OnboardParticipant(const OnboardParticipant&) = delete;
   OnboardParticipant& operator=(const OnboardParticipant&) = delete;
 
-  // `received` runs on a thread of DDS; so does `unheard`, when a writer offers no more than best
-  // effort and `reliable` is asked for.
+  // `received` runs on a thread of DDS; so does `unheard`, when a writer does not offer what is
+  // asked for: it is told by which policy.
   void read(const OnboardTopic& topic, bool reliable, std::function<void(const Bytes&)> received,
-            std::function<void()> unheard);
+            std::function<void(const std::string& policy)> unheard);
   [[nodiscard]] OnboardWriter write(const OnboardTopic& topic, Keep keep);
   [[nodiscard]] std::uint64_t malformed_packets() const;  // that came and were stopped
 

@@ -138,7 +138,7 @@ TEST_F(LiveFlight, TellsItsMotionBetweenImagesAsWell) {
         const std::lock_guard lock(mutex);
         stamps.push_back(stamp_of(message));
       },
-      [] {});
+      [](const std::string& policy) { ADD_FAILURE() << policy; });
   OnboardLink link(config.onboard, "world", "imu");
   BodyMotion first;
   first.odometry.stamp_ns = 1;

@@ -7,13 +7,20 @@
 #include <gtest/gtest.h>
 
 #include <condition_variable>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/topic/TypeSupport.hpp>
 #include <memory>
 #include <mutex>
 #include <vector>
 
+#include "comms/byte_type.h"
 #include "comms/datagram_socket.h"
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
+#include "comms/participant_deleter.h"
+#include "comms/qos.h"
 #include "comms/sensor_player.h"
 #include "tests/comms/eventually.h"
 #include "tests/comms/samples.h"
@@ -22,6 +29,7 @@
 namespace covey {
 namespace {
 
+namespace dds = eprosima::fastdds::dds;
 using std::chrono::milliseconds;
 using testing::HasSubstr;
 using testing::ThrowsMessage;
@@ -138,6 +146,33 @@ TEST(OnboardLink, WhatIsMalformedIsCountedWithTopicAndReason) {
   EXPECT_EQ(drone.counts().images, 0U);
 }
 
+ParticipantOwner foreign_participant() {
+  const LinkConfig config = team_config("driver");
+  return ParticipantOwner(dds::DomainParticipantFactory::get_instance()->create_participant(
+      static_cast<dds::DomainId_t>(config.domain),
+      participant_qos(config, std::make_shared<Wire>())));
+}
+
+// Of which no other writer's samples may be mixed with its own.
+void offer_exclusively(const OnboardTopic& topic, dds::DomainParticipant& driver) {
+  dds::DataWriterQos qos;
+  qos.ownership().kind = dds::EXCLUSIVE_OWNERSHIP_QOS;
+  dds::TypeSupport(new ByteType(topic.type, topic.max_bytes)).register_type(&driver);
+  driver.create_publisher(dds::PUBLISHER_QOS_DEFAULT)
+      ->create_datawriter(
+          driver.create_topic("rt/" + topic.topic, topic.type, dds::TOPIC_QOS_DEFAULT), qos);
+}
+
+TEST(OnboardLink, ADriverThatIsNotHeardIsToldWithThePolicyThatDiffers) {
+  const OnboardLink drone(onboard_config(), "world", "imu");
+  const ParticipantOwner driver = foreign_participant();
+  ASSERT_NE(driver, nullptr);
+  offer_exclusively(image_topic("camera/image_raw"), *driver);
+  ASSERT_TRUE(eventually([&] { return drone.counts().refused == 1; }));
+  EXPECT_EQ(drone.counts().last_refusal,
+            "camera/image_raw: its driver's QoS differs in ownership from what is asked for");
+}
+
 // To the two ports of the first of such participants in the domain.
 void send_to_first(const Bytes& packet) {
   const DatagramSocket outsider("127.0.0.1", 1 << 16);
@@ -176,8 +211,9 @@ TEST(OnboardLink, TellsRos2AndPx4WhereItIs) {
       told.notify_all();
     };
   };
-  other.read(nav_odometry_topic("odometry"), false, keep_in(nav), [] {});
-  other.read(px4_odometry_topic("fmu/in/vehicle_visual_odometry"), false, keep_in(px4), [] {});
+  const auto is_heard = [](const std::string& policy) { ADD_FAILURE() << policy; };
+  other.read(nav_odometry_topic("odometry"), false, keep_in(nav), is_heard);
+  other.read(px4_odometry_topic("fmu/in/vehicle_visual_odometry"), false, keep_in(px4), is_heard);
   OnboardConfig config = onboard_config();
   config.imu_mount_rpy = {0, 0, 0.5};
   OnboardLink drone(config, "uav0/world", "uav0/imu");
