@@ -186,6 +186,8 @@ class PeerLink::Impl {
   std::condition_variable outbox_changed_;
   Outbox outbox_;
   bool closed_ = false;
+
+  std::mutex farewell_mutex_;   // who comes second waits until it is over
   bool said_farewell_ = false;  // and joined the threads
 
   // The housekeeper's, once it runs: endpoints in the order in which peers were told of them.
@@ -221,6 +223,7 @@ PeerLink::Impl::Impl(const LinkConfig& config, const WallClock& clock)
 }
 
 void PeerLink::Impl::close() {
+  const std::lock_guard farewell_lock(farewell_mutex_);
   if (std::exchange(said_farewell_, true)) return;
   state_.close();
   {

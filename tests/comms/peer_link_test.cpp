@@ -427,6 +427,15 @@ TEST(PeerLink, APortWhereNoDroneLooksForItIsTold) {
   EXPECT_EQ(PeerLink(config).statistics().unseen_port, static_cast<std::uint64_t>(first + 4));
 }
 
+// The thread sanitizer sees what this one may not.
+TEST(PeerLink, MayBeClosedFromTwoThreadsAtOnce) {
+  PeerLink link(team_config("uav0"));
+  std::thread other([&] { link.close(); });
+  link.close();
+  EXPECT_FALSE(link.wait_for_peers(1, kPatience)) << "a wait on a closed link ends at once";
+  other.join();
+}
+
 TEST(PeerLink, ALockstepLinkSaysEverythingBeforeItGoes) {
   PeerLink reader(lockstep_config("uav0"));
   std::optional<PeerLink> writer(lockstep_config("uav1"));
