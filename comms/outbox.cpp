@@ -15,6 +15,8 @@ constexpr double kRequestWorth = 20;     // half of a usual answer, which it may
 constexpr double kFoundWorth = 40;       // what came of an answer: about as much as that told
 constexpr double kHeldShare = 0.25;      // what a keyframe is still worth to who has it
 constexpr double kDatagramOverheadBytes = 100;  // RTPS, UDP and IP headers, and a heartbeat
+// What has not gone out by then never will: a peer has left, or a datagram cost less than it may.
+constexpr std::chrono::seconds kOnTheWire{1};
 
 const char* name_of(Kind kind) {
   switch (kind) {
@@ -33,6 +35,10 @@ const char* name_of(Kind kind) {
 
 double cost(const Outgoing& out) {
   return static_cast<double>(out.bytes.size()) + kDatagramOverheadBytes;
+}
+
+std::size_t copies_for_all(Kind kind, const Audience& audience) {
+  return kind == Kind::kOdometry ? audience.listeners : audience.peers;
 }
 
 }  // namespace
@@ -110,19 +116,21 @@ std::set<std::string> Outbox::receivers_with_room(const Outgoing& out, Time now)
   return with_room;
 }
 
-bool Outbox::may_go(const Outgoing& out, std::size_t peers, Time now) {
-  if (out.receivers.empty())
-    return drone_.has(cost(out) * static_cast<double>(std::max<std::size_t>(peers, 1)), now);
+bool Outbox::may_go(const Outgoing& out, const Audience& audience, Time now) {
+  if (out.receivers.empty()) {
+    const std::size_t copies = std::max<std::size_t>(copies_for_all(out.kind, audience), 1);
+    return drone_.has(cost(out) * static_cast<double>(copies), now);
+  }
   const std::size_t copies = receivers_with_room(out, now).size();
   return copies > 0 && drone_.has(cost(out) * static_cast<double>(copies), now);
 }
 
-std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers, Time now) {
+std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, const Audience& audience, Time now) {
   spend_drone(static_cast<double>(wire_bytes - std::exchange(wire_bytes_, wire_bytes)), now);
   drop_late(now);
   Place best = waiting_.end();
   for (Place place = waiting_.begin(); place != waiting_.end(); ++place) {
-    if (!may_go(place->out, peers, now)) continue;
+    if (!may_go(place->out, audience, now)) continue;
     if (best == waiting_.end() || usefulness(*place, now) >= usefulness(*best, now)) best = place;
   }
   if (best == waiting_.end()) {
@@ -135,21 +143,31 @@ std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, std::size_t peers
   if (const std::size_t left_out = out.receivers.size() - with_room.size(); left_out > 0)
     dropped_[std::string(name_of(out.kind)) + " found no room in time"] += left_out;
   out.receivers = with_room;
-  spend(out, with_room.empty() ? peers : with_room.size(), now);
+  spend(out, with_room.empty() ? copies_for_all(out.kind, audience) : with_room.size(), now);
   return out;
+}
+
+// How much of it was let go here.
+double Outbox::pay(double wire_bytes, Time now) {
+  while (!unpaid_.empty() && now - unpaid_.front().since > kOnTheWire) unpaid_.pop_front();
+  double left = wire_bytes;
+  for (; !unpaid_.empty() && left >= unpaid_.front().bytes; unpaid_.pop_front())
+    left -= unpaid_.front().bytes;
+  if (unpaid_.empty()) return wire_bytes - left;
+  unpaid_.front().bytes -= left;
+  return wire_bytes;
 }
 
 // What really goes out, whoever sent it: DDS finds peers and repairs by itself.
 void Outbox::spend_drone(double wire_bytes, Time now) {
-  const double own = std::min(wire_bytes, unpaid_);
-  unpaid_ -= own;
+  const double own = pay(wire_bytes, now);
   drone_.spend(own, now);
   drone_.spend_unasked(wire_bytes - own, now);
 }
 
 // The drone's own budget pays when next() hears of it.
 void Outbox::spend(const Outgoing& out, std::size_t copies, Time now) {
-  unpaid_ += cost(out) * static_cast<double>(copies);
+  if (copies > 0) unpaid_.push_back({cost(out) * static_cast<double>(copies), now});
   for (const std::string& peer : out.receivers) bucket_of(peer).spend(cost(out), now);
   if (out.keyframe_id != 0) remember(out.receivers, out.keyframe_id);
 }

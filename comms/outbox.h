@@ -35,6 +35,12 @@ struct Outgoing {
 [[nodiscard]] double worth(const PeerKeyframe& keyframe);
 [[nodiscard]] double worth(const Odometry& odometry);
 
+// Who hears what is for all.
+struct Audience {
+  std::size_t peers = 0;      // of questions
+  std::size_t listeners = 0;  // of odometry
+};
+
 class Outbox {
  public:
   using Time = TokenBucket::Time;
@@ -46,9 +52,9 @@ class Outbox {
   void offer(Outgoing out, Time now);
 
   // The most useful that both budgets have room for; its receivers are those whose budgets have.
-  // `wire_bytes`: all that the drone has put on the wire so far. `peers`: who hears what is for
-  // all.
-  [[nodiscard]] std::optional<Outgoing> next(std::uint64_t wire_bytes, std::size_t peers, Time now);
+  // `wire_bytes`: all that the drone has put on the wire so far.
+  [[nodiscard]] std::optional<Outgoing> next(std::uint64_t wire_bytes, const Audience& audience,
+                                             Time now);
 
   [[nodiscard]] bool empty() const { return waiting_.empty(); }
   // Dropped on purpose since the start, by kind and reason.
@@ -61,23 +67,29 @@ class Outbox {
     bool found_no_room = false;  // when it was looked for
   };
   using Place = std::deque<Waiting>::iterator;
+  // Let go, and not on the wire yet.
+  struct Unpaid {
+    double bytes = 0;
+    Time since;
+  };
 
   void drop(const Place& place, const std::string& reason);
   void drop_late(Time now);
   [[nodiscard]] double usefulness(const Waiting& waiting, Time now) const;
   [[nodiscard]] std::set<std::string> receivers_with_room(const Outgoing& out, Time now);
-  [[nodiscard]] bool may_go(const Outgoing& out, std::size_t peers, Time now);
+  [[nodiscard]] bool may_go(const Outgoing& out, const Audience& audience, Time now);
   TokenBucket& bucket_of(const std::string& peer);
   [[nodiscard]] bool holds(const std::string& peer, std::uint64_t keyframe_id) const;
   void remember(const std::set<std::string>& peers, std::uint64_t keyframe_id);
   void spend(const Outgoing& out, std::size_t copies, Time now);
+  [[nodiscard]] double pay(double wire_bytes, Time now);
   void spend_drone(double wire_bytes, Time now);
 
   const LoadProfile load_;
   const bool unlimited_;
   TokenBucket drone_;
   std::uint64_t wire_bytes_ = 0;
-  double unpaid_ = 0;  // let go, and not on the wire yet
+  std::deque<Unpaid> unpaid_;  // the oldest first
   std::map<std::string, TokenBucket> links_;
   std::map<std::string, std::deque<std::uint64_t>> held_;  // keyframes that a peer was sent
   std::deque<Waiting> waiting_;                            // in the order of offering

@@ -100,6 +100,12 @@ void describe_oldest(std::deque<Endpoint*>& in_order) {
   oldest->set_qos(qos);
 }
 
+std::size_t readers_of(dds::DataWriter& writer) {
+  dds::PublicationMatchedStatus status;
+  writer.get_publication_matched_status(status);
+  return static_cast<std::size_t>(std::max(status.current_count, 0));
+}
+
 }  // namespace
 
 // --------------------------------------------------------------------------------------- the link
@@ -460,8 +466,8 @@ bool PeerLink::Impl::send_when_there_is_room(Outgoing out) {
 
 // With the outbox locked.
 void PeerLink::Impl::send_what_may_go() {
-  const std::size_t peers = state_.peers().size();
-  while (auto out = outbox_.next(wire_->bytes_sent, peers, steady_clock::now()))
+  const Audience audience{state_.peers().size(), readers_of(*odometry_writer_)};
+  while (auto out = outbox_.next(wire_->bytes_sent, audience, steady_clock::now()))
     send_now(*std::move(out));
 }
 

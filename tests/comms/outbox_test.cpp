@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::Pair;
 using testing::UnorderedElementsAre;
 
-constexpr std::size_t kPeers = 2;
+constexpr Audience kPeers{2, 0};
 
 Outbox::Time at(int time_ms) { return Outbox::Time(std::chrono::hours(1) + milliseconds(time_ms)); }
 
@@ -89,6 +89,49 @@ TEST(Outbox, WhatDdsSendsByItselfIsOwedForOneBurstAtMost) {
   outbox.offer(request(), at(1100));
   EXPECT_FALSE(outbox.next(wire_bytes, kPeers, at(1100))) << "what was sent is still paid for";
   EXPECT_TRUE(outbox.next(wire_bytes, kPeers, at(1290)));
+}
+
+Outgoing odometry(std::size_t bytes = 300) { return {Kind::kOdometry, {}, 0, 1, Bytes(bytes)}; }
+
+// When the first question goes, from a second after 100 kB of discovery on.
+int first_question_ms(Outbox& outbox, std::uint64_t wire_bytes, int now_ms) {
+  (void)outbox.next(wire_bytes + 100'000, kPeers, at(now_ms));
+  outbox.offer(request(), at(now_ms));
+  int waited_ms = 0;
+  while (!outbox.next(wire_bytes + 100'000, kPeers, at(now_ms + waited_ms))) waited_ms += 10;
+  return waited_ms;
+}
+
+LoadProfile patient() {
+  LoadProfile out = with_wide_links();
+  out.patience_ms = 60'000;
+  return out;
+}
+
+TEST(Outbox, OdometryThatNobodyListensToOwesNothing) {
+  Outbox silent(patient()), tells(patient());
+  std::uint64_t wire_bytes = 0;
+  for (int time_ms = 0; time_ms < 60'000; time_ms += 50) {
+    tells.offer(odometry(), at(time_ms));
+    EXPECT_TRUE(tells.next(wire_bytes, kPeers, at(time_ms)));
+  }
+  EXPECT_EQ(first_question_ms(tells, wire_bytes, 60'000),
+            first_question_ms(silent, wire_bytes, 60'000));
+}
+
+TEST(Outbox, OdometryIsPaidForByListenersNotByPeers) {
+  Outbox outbox(narrow());
+  outbox.offer(odometry(900), at(0));
+  EXPECT_TRUE(outbox.next(8'500, {30, 1}, at(0)));  // 1.5 kB left
+  outbox.offer(odometry(900), at(0));
+  EXPECT_FALSE(outbox.next(8'500, {30, 2}, at(0)));
+}
+
+TEST(Outbox, WhatWasLetGoToSomebodyWhoHasGoneIsSoonForgotten) {
+  Outbox silent(patient()), answers(patient());
+  answers.offer(message("uav1", 1, 40, 60'000), at(0));
+  EXPECT_TRUE(answers.next(0, kPeers, at(0)));
+  EXPECT_EQ(first_question_ms(answers, 0, 1100), first_question_ms(silent, 0, 1100));
 }
 
 TEST(Outbox, WhatTheDroneLetsGoIsOwedInFull) {
@@ -199,8 +242,8 @@ TEST(Outbox, AMessageForAllGoesToThoseWhoseLinksHaveRoom) {
 TEST(Outbox, AQuestionNeedsRoomForEveryPeerThatHearsIt) {
   Outbox outbox(narrow());
   outbox.offer(request(), at(0));
-  EXPECT_FALSE(outbox.next(8'000, 2, at(0)));  // 2 kB left
-  EXPECT_TRUE(outbox.next(8'000, 1, at(0)));
+  EXPECT_FALSE(outbox.next(8'000, kPeers, at(0)));  // 2 kB left
+  EXPECT_TRUE(outbox.next(8'000, {1, 0}, at(0)));
 }
 
 TEST(Outbox, OnlyTheNewestOdometryWaits) {
