@@ -122,14 +122,16 @@ void check(const LinkConfig& config) {
           "ROS_DISCOVERY_SERVER is set and would redirect discovery: unset it");
 }
 
-std::size_t other_drones(const LinkConfig& config) {
+std::set<in_addr_t> other_drones(const LinkConfig& config) {
   const DiscoveryProfile& discovery = config.profile.discovery;
   if (config.loopback_only || discovery.mode != DiscoveryMode::kUnicast ||
       discovery.ports_per_host > 1)
-    return 0;
+    return {};
   std::set<std::string> others(config.initial_peers.begin(), config.initial_peers.end());
   for (const std::string& own : addresses_of_this_machine()) others.erase(own);
-  return others.size();
+  std::set<in_addr_t> addresses;
+  for (const std::string& other : others) addresses.insert(inet_addr(other.c_str()));
+  return addresses;
 }
 
 }  // namespace covey

@@ -7,6 +7,7 @@
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 
+#include <cstring>
 #include <utility>
 
 #include "comms/datagram_socket.h"
@@ -35,6 +36,12 @@ std::unique_ptr<DatagramSocket> own_socket(const CountingTransportDescriptor& de
   if (udp == nullptr || udp->interfaceWhiteList.size() > 1) return nullptr;
   const std::string from = udp->interfaceWhiteList.empty() ? "" : udp->interfaceWhiteList.front();
   return std::make_unique<DatagramSocket>(from, udp->sendBufferSize);
+}
+
+in_addr_t address_of(const Locator_t& locator) {
+  in_addr_t out = 0;
+  std::memcpy(&out, IPLocator::getIPv4(locator), sizeof(out));
+  return out;
 }
 
 class CountingTransport : public ChainingTransport {
@@ -79,7 +86,7 @@ class CountingTransport : public ChainingTransport {
       ++descriptor_.wire->malformed_received;
       return;
     }
-    if (descriptor_.wire->heard) descriptor_.wire->heard(sender_of(buffer));
+    if (descriptor_.wire->heard) descriptor_.wire->heard({sender_of(buffer), address_of(remote)});
     next->OnDataReceived(buffer, size, local, remote);
   }
 

@@ -23,7 +23,7 @@ struct Wire {
   std::atomic<std::uint64_t> bytes_received{0};
   std::atomic<std::uint64_t> malformed_received{0};  // packets
   std::atomic<std::uint32_t> first_port{0};          // that listens: discovery's, once it does
-  std::function<void(const PeerId& sender)> heard;   // before DDS sees the packet
+  std::function<void(const Packet&)> heard;          // before DDS sees it
   std::function<bool()> quiet;                       // no announcement is of use now
 };
 

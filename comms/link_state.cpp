@@ -190,19 +190,20 @@ void LinkState::remove_participant(const PeerId& id) {
   });
 }
 
-void LinkState::hear(const PeerId& id, Time now) {
+void LinkState::hear(const Packet& packet, Time now) {
   const std::lock_guard lock(mutex_);
-  if (id == own_id_) return;
-  if (participants_.count(id) == 0) newcomer_ = now;
-  if (!table_.hear(id, now)) return;
+  if (packet.sender == own_id_) return;
+  if (participants_.count(packet.sender) == 0) newcomer_ = now;
+  if (!table_.hear(packet, now)) return;
   peers_changed_ = true;
   changed_.notify_all();
 }
 
 bool LinkState::complete(Time now) const {
   const std::lock_guard lock(mutex_);
-  return watch_.others > 0 && now - newcomer_ > kWelcome &&
-         table_.linked(token(own_id_)).size() >= watch_.others;
+  if (watch_.others.empty() || now - newcomer_ <= kWelcome) return false;
+  const std::set<in_addr_t> linked = table_.linked_addresses(token(own_id_));
+  return std::includes(linked.begin(), linked.end(), watch_.others.begin(), watch_.others.end());
 }
 
 LinkState::Waiting LinkState::waiting(Time now) const {

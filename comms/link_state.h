@@ -27,7 +27,7 @@ enum class Kind : std::uint8_t { kRequest, kMessage, kFullMessage, kStatus, kOdo
 // When who is missed.
 struct TeamWatch {
   SilenceLimits silence;
-  std::size_t others = 0;  // drones that belong to the team besides this one; 0: not known
+  std::set<in_addr_t> others;  // where the team's other drones are, one at each; empty: not known
 };
 
 class LinkState {
@@ -46,8 +46,9 @@ class LinkState {
   void change_matches(const PeerId& id, Channel channel, int difference, Time now);
   void enter_participant(const PeerId& id, Time now);  // drone or not
   void remove_participant(const PeerId& id);
-  void hear(const PeerId& id, Time now);  // a packet, whatever it says
-  // Everybody is linked and nobody has come lately: no participant needs to be told of this one.
+  void hear(const Packet& packet, Time now);
+  // Somebody is linked at each place of the team, whoever else is, and nobody has come lately: no
+  // participant needs to be told of this one.
   [[nodiscard]] bool complete(Time now) const;
   // For participants that may still get linked: who does not get on for 2 s is something else.
   struct Waiting {

@@ -213,7 +213,7 @@ PeerLink::Impl::Impl(const LinkConfig& config, const WallClock& clock)
       discovery_events_(state_, topic_name(message_kind_)),
       outbox_(config_.profile.load) {
   status_.agent = config_.agent;
-  wire_->heard = [this](const PeerId& id) { state_.hear(id, steady_clock::now()); };
+  wire_->heard = [this](const Packet& packet) { state_.hear(packet, steady_clock::now()); };
   wire_->quiet = [this] { return state_.complete(steady_clock::now()); };
   create_participant();
   register_types();

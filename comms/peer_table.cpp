@@ -44,10 +44,11 @@ void PeerTable::change_matches(const PeerId& id, Channel channel, int difference
   }
 }
 
-bool PeerTable::hear(const PeerId& id, Time now) {
-  const auto found = peers_.find(id);
+bool PeerTable::hear(const Packet& packet, Time now) {
+  const auto found = peers_.find(packet.sender);
   if (found == peers_.end()) return false;
   found->second.heard = now;
+  found->second.address = packet.from;
   found->second.doubted = false;
   return !std::exchange(found->second.alive, true);
 }
@@ -128,6 +129,13 @@ std::set<std::string> PeerTable::linked(std::uint64_t own_token) const {
   std::set<std::string> out;
   for (const auto& [id, peer] : peers_)
     if (is_linked(peer, own_token)) out.insert(peer.name);
+  return out;
+}
+
+std::set<in_addr_t> PeerTable::linked_addresses(std::uint64_t own_token) const {
+  std::set<in_addr_t> out;
+  for (const auto& [id, peer] : peers_)
+    if (is_linked(peer, own_token)) out.insert(peer.address);
   return out;
 }
 

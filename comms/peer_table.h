@@ -6,6 +6,8 @@
 // counts as linked once both say so. Not thread-safe.
 #pragma once
 
+#include <netinet/in.h>
+
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -35,6 +37,12 @@ enum class Channel : std::uint8_t {
 };
 inline constexpr std::size_t kChannels = 6;
 
+// That has come, whatever it says.
+struct Packet {
+  PeerId sender{};
+  in_addr_t from = 0;
+};
+
 // Whatever comes from a peer is a sign of life. Who has been silent for `doubt` is to be asked; who
 // goes on being silent is gone.
 struct SilenceLimits {
@@ -50,7 +58,7 @@ class PeerTable {
 
   void set_name(const PeerId& id, const std::string& name);
   void change_matches(const PeerId& id, Channel channel, int difference);
-  bool hear(const PeerId& id, Time now);  // whether it had been gone
+  bool hear(const Packet& packet, Time now);  // whether its sender had been gone
   void set_hears(const PeerId& id, std::vector<std::uint64_t> tokens);
   // Of its newest status: its wall clock when it was sent, the own one when it came.
   void set_status_stamps(const PeerId& id, TimeNs sent_ns, TimeNs received_ns);
@@ -72,6 +80,8 @@ class PeerTable {
   // Peers matched on all channels as seen from both sides, and alive.
   [[nodiscard]] std::set<std::string> linked(std::uint64_t own_token) const;
   [[nodiscard]] bool is_linked(const PeerId& id, std::uint64_t own_token) const;
+  // Where they were heard from.
+  [[nodiscard]] std::set<in_addr_t> linked_addresses(std::uint64_t own_token) const;
 
  private:
   struct Peer {
@@ -79,6 +89,7 @@ class PeerTable {
     std::array<int, kChannels> matches{};
     std::vector<std::uint64_t> hears;
     std::optional<Time> heard;  // last; nothing before the first check
+    in_addr_t address = 0;      // from where
     bool doubted = false;
     TimeNs status_sent_ns = 0, status_received_ns = 0;
     bool alive = true;

@@ -156,48 +156,75 @@ TEST(LinkState, AWaitForTheInboxEndsWhenEnoughHasArrived) {
   EXPECT_FALSE(state.wait_for_inbox({2, 2}, milliseconds(1)));
 }
 
-void link(LinkState& state, const PeerId& own, const PeerId& peer) {
+constexpr in_addr_t kPlaceOf1 = 1, kPlaceOf2 = 2, kElsewhere = 3;
+
+void link(LinkState& state, const PeerId& own, const PeerId& peer,
+          const std::string& name = "uav1") {
   state.set_own_id(own);
   state.enter_participant(peer, {});
-  state.name_peer(peer, "uav1");
+  state.name_peer(peer, name);
   for (std::size_t i = 0; i < kChannels; ++i)
     state.change_matches(peer, static_cast<Channel>(i), +1, {});
-  state.receive(Kind::kStatus, encode(StatusSample{samples::status("uav1"), {{token(own)}}, 0}),
+  state.receive(Kind::kStatus, encode(StatusSample{samples::status(name), {{token(own)}}, 0}),
                 peer);
 }
 
 TEST(LinkState, ASilentPeerIsDoubtedThenGoneUntilItIsHeard) {
-  LinkState state("uav0", 8, {{milliseconds(20), milliseconds(40)}, 0});
+  LinkState state("uav0", 8, {{milliseconds(20), milliseconds(40)}, {}});
   link(state, PeerId{}, uav1_id());
   const auto later = [] { return std::chrono::steady_clock::now() + seconds(60); };
   bool doubted = false;
   while (!state.peers().empty()) doubted |= state.wait_for_housekeeping(later())->doubt;
   EXPECT_TRUE(doubted);
-  state.hear(uav1_id(), std::chrono::steady_clock::now());
+  state.hear({uav1_id()}, std::chrono::steady_clock::now());
   EXPECT_EQ(state.peers(), std::set<std::string>{"uav1"});
 }
 
 TEST(LinkState, ATeamIsCompleteOnceAllAreLinkedAndNobodyIsNew) {
   const auto now = std::chrono::steady_clock::now();
-  LinkState unknown("uav0", 8), larger("uav0", 8, {{}, 2}), state("uav0", 8, {{}, 1});
+  LinkState unknown("uav0", 8), larger("uav0", 8, {{}, {kPlaceOf1, kPlaceOf2}}),
+      state("uav0", 8, {{}, {kPlaceOf1}});
   PeerId own{}, newcomer{};
   own[0] = 7;
   newcomer[0] = 9;
   EXPECT_FALSE(state.complete(now));
-  for (LinkState* each : {&unknown, &larger, &state}) link(*each, own, uav1_id());
+  for (LinkState* each : {&unknown, &larger, &state}) {
+    link(*each, own, uav1_id());
+    each->hear({uav1_id(), kPlaceOf1}, now - seconds(9));
+  }
   EXPECT_FALSE(unknown.complete(now));
   EXPECT_FALSE(larger.complete(now));
   EXPECT_TRUE(state.complete(now));
-  state.hear(uav1_id(), now);
-  state.hear(own, now);
+  state.hear({uav1_id(), kPlaceOf1}, now);
+  state.hear({own, kElsewhere}, now);
   EXPECT_TRUE(state.complete(now));
-  state.hear(newcomer, now);
+  state.hear({newcomer, kElsewhere}, now);
   EXPECT_FALSE(state.complete(now + seconds(4)));
   state.enter_participant(newcomer, now);
-  state.hear(newcomer, now + seconds(4));
+  state.hear({newcomer, kElsewhere}, now + seconds(4));
   EXPECT_TRUE(state.complete(now + seconds(6)));
   state.remove_participant(uav1_id());
   EXPECT_FALSE(state.complete(now + seconds(6)));
+}
+
+// Whoever has come first, and whoever is lost later.
+TEST(LinkState, WhoIsNotOfTheTeamTakesNobodysPlaceInIt) {
+  const auto now = std::chrono::steady_clock::now();
+  LinkState state("uav0", 8, {{}, {kPlaceOf1, kPlaceOf2}});
+  PeerId own{}, ground{}, uav2{};
+  own[0] = 7;
+  ground[0] = 8;
+  uav2[0] = 9;
+  link(state, own, uav1_id());
+  link(state, own, ground, "ground");
+  state.hear({uav1_id(), kPlaceOf1}, now);
+  state.hear({ground, kElsewhere}, now);
+  EXPECT_FALSE(state.complete(now + seconds(60))) << "uav2 is still called";
+  link(state, own, uav2, "uav2");
+  state.hear({uav2, kPlaceOf2}, now);
+  EXPECT_TRUE(state.complete(now + seconds(60)));
+  state.remove_participant(uav2);
+  EXPECT_FALSE(state.complete(now + seconds(60)));
 }
 
 TEST(LinkState, ANewcomerIsWaitedForUntilItIsLinkedOrDoesNotGetOn) {

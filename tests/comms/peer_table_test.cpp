@@ -88,7 +88,7 @@ TEST(PeerTable, ASilentPeerIsAskedThenGoneAndComesBack) {
   };
   EXPECT_EQ(check(0), std::pair(false, false)) << "the first look begins the wait";
   EXPECT_EQ(table.next_check(limits, start), start + milliseconds(100));
-  EXPECT_FALSE(table.hear(id(1), start + milliseconds(50)));
+  EXPECT_FALSE(table.hear({id(1)}, start + milliseconds(50)));
   EXPECT_EQ(check(149), std::pair(false, false));
   EXPECT_EQ(check(150), std::pair(true, false));
   EXPECT_EQ(check(349), std::pair(false, false)) << "asked once";
@@ -98,7 +98,7 @@ TEST(PeerTable, ASilentPeerIsAskedThenGoneAndComesBack) {
   EXPECT_THAT(table.linked(kOwnToken), IsEmpty());
   EXPECT_EQ(check(1000), std::pair(false, false)) << "lost once";
   EXPECT_EQ(table.next_check(limits, start), std::nullopt);
-  EXPECT_TRUE(table.hear(id(1), start + milliseconds(1001)));
+  EXPECT_TRUE(table.hear({id(1)}, start + milliseconds(1001)));
   EXPECT_THAT(table.linked(kOwnToken), ElementsAre("uav1"));
   EXPECT_EQ(check(1101), std::pair(true, false)) << "asked again";
 }
@@ -116,7 +116,7 @@ TEST(PeerTable, WhoIsNotMatchedIsNotAsked) {
 TEST(PeerTable, LosingAMatchAfterTheParticipantEntersNobody) {
   PeerTable table(8);
   table.change_matches(id(1), Channel::kRequestIn, -1);
-  EXPECT_FALSE(table.hear(id(1), PeerTable::Time()));
+  EXPECT_FALSE(table.hear({id(1)}, PeerTable::Time()));
   EXPECT_EQ(table.name_of(id(1)), "unknown");
   table.change_matches(id(1), Channel::kRequestIn, +1);
   table.change_matches(id(1), Channel::kRequestIn, -1);
