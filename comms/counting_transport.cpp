@@ -86,7 +86,9 @@ class CountingTransport : public ChainingTransport {
       ++descriptor_.wire->malformed_received;
       return;
     }
-    if (descriptor_.wire->heard) descriptor_.wire->heard({sender_of(buffer), address_of(remote)});
+    if (descriptor_.wire->heard)
+      descriptor_.wire->heard(
+          {sender_of(buffer), address_of(remote), is_announcement(buffer, size)});
     next->OnDataReceived(buffer, size, local, remote);
   }
 

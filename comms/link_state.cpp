@@ -194,7 +194,7 @@ void LinkState::hear(const Packet& packet, Time now) {
   const std::lock_guard lock(mutex_);
   if (packet.sender == own_id_) return;
   if (participants_.count(packet.sender) == 0) newcomer_ = now;
-  if (!table_.hear(packet, now)) return;
+  if (packet.announces || !table_.hear(packet, now)) return;
   peers_changed_ = true;
   changed_.notify_all();
 }

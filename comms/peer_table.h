@@ -41,10 +41,12 @@ inline constexpr std::size_t kChannels = 6;
 struct Packet {
   PeerId sender{};
   in_addr_t from = 0;
+  bool announces = false;  // its sender, and says nothing else
 };
 
-// Whatever comes from a peer is a sign of life. Who has been silent for `doubt` is to be asked; who
-// goes on being silent is gone.
+// Whatever comes from a peer is a sign of life, but for its announcements: who is linked says more,
+// and who has lost this drone goes on announcing itself. Who has been silent for `doubt` is to be
+// asked; who goes on being silent is gone.
 struct SilenceLimits {
   std::chrono::milliseconds doubt{1500}, gone{1900};
 };

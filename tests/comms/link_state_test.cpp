@@ -180,6 +180,29 @@ TEST(LinkState, ASilentPeerIsDoubtedThenGoneUntilItIsHeard) {
   EXPECT_EQ(state.peers(), std::set<std::string>{"uav1"});
 }
 
+// It forgot this drone when it heard nothing for its lease. What it said before is not what it
+// hears now, and would keep this drone from calling it.
+TEST(LinkState, WhoOnlyAnnouncesItselfHasLostThisDroneAndIsCalled) {
+  const auto now = std::chrono::steady_clock::now();
+  LinkState state("uav0", 8, {{milliseconds(20), milliseconds(40)}, {kPlaceOf1}});
+  PeerId own{};
+  own[0] = 7;
+  link(state, own, uav1_id());
+  state.hear({uav1_id(), kPlaceOf1}, now);
+  ASSERT_TRUE(state.complete(now));
+  const auto announce = [&] {
+    state.hear({uav1_id(), kPlaceOf1, true}, std::chrono::steady_clock::now());
+  };
+  while (!state.peers().empty()) {
+    announce();
+    (void)state.wait_for_housekeeping(std::chrono::steady_clock::now() + milliseconds(5));
+  }
+  announce();
+  EXPECT_FALSE(state.complete(now));
+  state.hear({uav1_id(), kPlaceOf1}, std::chrono::steady_clock::now());
+  EXPECT_TRUE(state.complete(now));
+}
+
 TEST(LinkState, ATeamIsCompleteOnceAllAreLinkedAndNobodyIsNew) {
   const auto now = std::chrono::steady_clock::now();
   LinkState unknown("uav0", 8), larger("uav0", 8, {{}, {kPlaceOf1, kPlaceOf2}}),
