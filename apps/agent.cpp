@@ -277,6 +277,7 @@ void Agent::show_status() {
   warn_of_namesake();
   warn_of_crowd();
   warn_of_port();
+  warn_of_network();
   warn_of_start();
   warn_of_moves();
 }
@@ -309,6 +310,14 @@ void Agent::warn_of_port() {
       "raise discovery.ports_per_host",
       port, config_.link.domain);
   warned_of_port_ = true;
+}
+
+// Once: a radio may come and go, and status.json tells of now.
+void Agent::warn_of_network() {
+  const std::string missing = link_->statistics().missing_network;
+  if (warned_of_network_ || missing.empty()) return;
+  spdlog::warn("{}: the link uses it as soon as it is there, and the drone flies on", missing);
+  warned_of_network_ = true;
 }
 
 void Agent::warn_of_rows() {
@@ -359,6 +368,8 @@ nlohmann::json Agent::status_json() const {
   status["clocks"] = to_json(clock_summaries(statistics));
   status["link_restarts"] = statistics.restarts;
   if (statistics.unseen_port != 0) status["link_unseen_port"] = statistics.unseen_port;
+  if (!statistics.missing_network.empty())
+    status["link_missing_network"] = statistics.missing_network;
   status["wire_bytes_sent"] = statistics.wire_bytes_sent;
   status["wire_bytes_received"] = statistics.wire_bytes_received;
   return status;

@@ -111,6 +111,7 @@ class Agent {
   void warn_of_namesake();
   void warn_of_crowd();
   void warn_of_port();
+  void warn_of_network();
   void warn_of_rows();
   void warn_of_start();
   void warn_of_moves();
@@ -148,7 +149,7 @@ class Agent {
   std::optional<TimeNs> unseen_since_ns_;  // without a scene
   bool blind_ = false;                     // and that was said
   bool warned_of_namesake_ = false, warned_of_crowd_ = false, warned_of_port_ = false,
-       warned_of_start_ = false, warned_of_rows_ = false;
+       warned_of_network_ = false, warned_of_start_ = false, warned_of_rows_ = false;
   std::map<std::string, int> moves_told_;  // of peers' worlds
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;

@@ -196,6 +196,7 @@ LinkStatistics LinkProcess::statistics() const {
   LinkStatistics all = sum(sum(before_, now_), here);
   all.process_own_kib = own_kib_;
   all.unseen_port = now_.unseen_port;
+  all.missing_network = now_.missing_network;
   return all;
 }
 
@@ -304,6 +305,7 @@ std::optional<LinkProcess::End> LinkProcess::take_report(const Bytes& content, L
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     return End{"reported nonsense", rejected->reason};
   auto& report = std::get<LinkReport>(decoded);
+  report.statistics.missing_network = printable(report.statistics.missing_network);
   life.on_the_air = true;
   life.patience = kMaxSilence;
   life.silence = milliseconds(0);

@@ -15,7 +15,8 @@ NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(KindStatistics, sent, received, refused, payl
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkStatistics, request, message, status, odometry,
                                    messages_sent_to, rejected, refused, dropped, inbox_dropped,
                                    dds_errors, last_dds_error, wire_bytes_sent, wire_bytes_received,
-                                   unseen_port, restarts, process_cpu_ms, process_peak_kib)
+                                   unseen_port, missing_network, restarts, process_cpu_ms,
+                                   process_peak_kib)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LinkReport, statistics, peers)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ClockOffset, offset_ns, round_trip_ns)
 
@@ -145,6 +146,8 @@ Bytes encode(const LinkReport& report) {
   LinkReport short_report = report;
   std::string& error = short_report.statistics.last_dds_error;
   error.resize(std::min(error.size(), kMaxErrorBytes));
+  std::string& missing = short_report.statistics.missing_network;
+  missing.resize(std::min(missing.size(), kMaxErrorBytes));
   Json json = short_report;
   json["clocks"] = report.statistics.clocks;  // apart from the counts, which are never negative
   // What DDS says of hostile packets need not be UTF-8.

@@ -11,12 +11,15 @@
 #include <exception>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 
 #include "apps/config_file.h"
 #include "apps/process_usage.h"
 #include "apps/record_channel.h"
+#include "comms/link_network.h"
 #include "comms/peer_link.h"
 
 namespace covey {
@@ -42,8 +45,9 @@ void limit_further_memory(int mib) {
 
 class LinkWorker {
  public:
-  LinkWorker(RecordChannel& channel, const LinkConfig& config) : channel_(channel), link_(config) {
-    limit_further_memory(config.max_memory_mib);
+  LinkWorker(RecordChannel& channel, const LinkConfig& config)
+      : channel_(channel), config_(config) {
+    look_at_network();
   }
 
   // Until the drone has said its last. Everything on one thread: a report proves that it goes on.
@@ -54,9 +58,10 @@ class LinkWorker {
         report_when_due();
       }
       pass_on_arrivals();
+      look_at_network_when_due();
       report_when_due();
     }
-    link_.close();
+    if (link_) link_->close();
     report();
     channel_.finish(kLastWords);
   }
@@ -64,22 +69,39 @@ class LinkWorker {
  private:
   void send(const Decoded<Record>& decoded);
   template <typename Message>
-  void send(const Decoded<Message>& message);
+  void send(KindStatistics& kind, const Decoded<Message>& message);
+  void look_at_network_when_due();
+  void look_at_network();
   void pass_on_arrivals();
   void pass_on(RecordKind kind, const Bytes& sample);
+  [[nodiscard]] LinkStatistics statistics() const;
   void report_when_due();
   void report();
 
   RecordChannel& channel_;
-  PeerLink link_;
+  const LinkConfig config_;
+  LinkNetwork network_;
+  std::optional<PeerLink> link_;     // once there is a network for it
+  LinkStatistics before_;            // what was refused until then
+  steady_clock::time_point looked_;  // at the network
   steady_clock::time_point reported_;
   std::uint64_t lost_ = 0;  // arrivals for which the drone had no room
 };
 
+void say(PeerLink& link, const PlaceAdvert& advert) { link.send(advert); }
+void say(PeerLink& link, const PeerKeyframe& keyframe) { link.send(keyframe); }
+void say(PeerLink& link, const FullPeerKeyframe& message) { link.send(message); }
+void say(PeerLink& link, const StatusSample& sample) { link.publish(sample.status); }
+void say(PeerLink& link, const OdometrySample& sample) { link.publish(sample.odometry); }
+
 // Of what a drone cannot mean nothing is sent.
 template <typename Message>
-void LinkWorker::send(const Decoded<Message>& message) {
-  if (const auto* valid = std::get_if<Message>(&message)) link_.send(*valid);
+void LinkWorker::send(KindStatistics& kind, const Decoded<Message>& message) {
+  const auto* valid = std::get_if<Message>(&message);
+  if (valid == nullptr) return;
+  if (link_) return say(*link_, *valid);
+  ++kind.refused;
+  ++before_.refused["the link waits for its network"];
 }
 
 void LinkWorker::send(const Decoded<Record>& decoded) {
@@ -87,26 +109,35 @@ void LinkWorker::send(const Decoded<Record>& decoded) {
   if (record == nullptr) throw std::runtime_error(std::get<Rejected>(decoded).reason);
   switch (record->kind) {
     case RecordKind::kRequest:
-      return send(decode_place_advert(record->content));
+      return send(before_.request, decode_place_advert(record->content));
     case RecordKind::kMessage:
-      return send(decode_peer_keyframe(record->content));
+      return send(before_.message, decode_peer_keyframe(record->content));
     case RecordKind::kFullMessage:
-      return send(decode_full_keyframe(record->content));
+      return send(before_.message, decode_full_keyframe(record->content));
     case RecordKind::kStatus:
-      if (const auto decoded_status = decode_status(record->content);
-          const auto* sample = std::get_if<StatusSample>(&decoded_status))
-        link_.publish(sample->status);
-      return;
+      return send(before_.status, decode_status(record->content));
     case RecordKind::kOdometry:
-      if (const auto decoded_odometry = decode_odometry(record->content);
-          const auto* sample = std::get_if<OdometrySample>(&decoded_odometry))
-        link_.publish(sample->odometry);
-      return;
+      return send(before_.odometry, decode_odometry(record->content));
     case RecordKind::kSettings:
     case RecordKind::kReport:
     case RecordKind::kComplaint:
       throw std::runtime_error("a drone says other records");
   }
+}
+
+void LinkWorker::look_at_network_when_due() {
+  constexpr std::chrono::seconds kInterval{1};
+  if (steady_clock::now() - looked_ >= kInterval) look_at_network();
+}
+
+void LinkWorker::look_at_network() {
+  looked_ = steady_clock::now();
+  network_ = link_network(config_);
+  if (link_) return;
+  const std::optional<LinkConfig> config = on_what_is_there(config_, network_);
+  if (!config) return;
+  link_.emplace(*config);
+  limit_further_memory(config_.max_memory_mib);
 }
 
 void LinkWorker::pass_on(RecordKind kind, const Bytes& sample) {
@@ -125,7 +156,8 @@ Bytes encode_again(const Message& message) {
 }
 
 void LinkWorker::pass_on_arrivals() {
-  for (const Inbound& inbound : link_.take())
+  if (!link_) return;
+  for (const Inbound& inbound : link_->take())
     std::visit([this](const auto& message) { pass_on(kind_of(message), encode_again(message)); },
                inbound);
 }
@@ -134,8 +166,16 @@ void LinkWorker::report_when_due() {
   if (steady_clock::now() - reported_ >= kReportInterval) report();
 }
 
+LinkStatistics LinkWorker::statistics() const {
+  const LinkStatistics now = link_ ? link_->statistics() : LinkStatistics();
+  LinkStatistics all = sum(before_, now);
+  all.unseen_port = now.unseen_port;
+  all.missing_network = network_.missing;
+  return all;
+}
+
 void LinkWorker::report() {
-  LinkReport report{link_.statistics(), link_.peers()};
+  LinkReport report{statistics(), link_ ? link_->peers() : std::set<std::string>()};
   report.statistics.inbox_dropped += lost_;
   report.statistics.process_cpu_ms = static_cast<std::uint64_t>(1e3 * process_cpu_s());
   report.statistics.process_peak_kib =

@@ -2,13 +2,10 @@
 #include "comms/config_check.h"
 
 #include <arpa/inet.h>
-#include <ifaddrs.h>
 #include <netinet/in.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdlib>
-#include <memory>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -16,6 +13,7 @@
 
 #include "comms/checks.h"
 #include "comms/key_folder.h"
+#include "comms/own_addresses.h"
 
 namespace covey {
 namespace {
@@ -42,28 +40,14 @@ void check_address(const char* setting, const std::string& address) {
       std::string(setting) + " \"" + address + "\" is not an IPv4 address: write it as 10.0.0.2");
 }
 
-std::vector<std::string> addresses_of_this_machine() {
-  std::vector<std::string> out;
-  ifaddrs* first = nullptr;
-  if (getifaddrs(&first) != 0) return out;
-  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(first, freeifaddrs);
-  for (const ifaddrs* entry = first; entry != nullptr; entry = entry->ifa_next) {
-    if (entry->ifa_addr == nullptr || entry->ifa_addr->sa_family != AF_INET) continue;
-    const auto* address = reinterpret_cast<const sockaddr_in*>(entry->ifa_addr);
-    std::array<char, INET_ADDRSTRLEN> text{};
-    if (inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size()) != nullptr)
-      out.emplace_back(text.data());
-  }
-  return out;
-}
-
 // Fast DDS would go on without an interface that is not there, deaf and mute.
 void check_interface(const std::string& interface) {
   check_address("interfaces", interface);
-  const std::vector<std::string> own = addresses_of_this_machine();
+  const std::vector<OwnAddress> own = own_addresses();
   std::string list;
-  for (const std::string& address : own) list += " " + address;
-  require(std::find(own.begin(), own.end(), interface) != own.end(),
+  for (const OwnAddress& each : own) list += " " + each.address;
+  require(std::any_of(own.begin(), own.end(),
+                      [&](const OwnAddress& each) { return each.address == interface; }),
           "interfaces \"" + interface + "\" is no address of this machine, which has:" + list);
 }
 
@@ -128,7 +112,7 @@ std::set<in_addr_t> other_drones(const LinkConfig& config) {
       discovery.ports_per_host > 1)
     return {};
   std::set<std::string> others(config.initial_peers.begin(), config.initial_peers.end());
-  for (const std::string& own : addresses_of_this_machine()) others.erase(own);
+  for (const OwnAddress& own : own_addresses()) others.erase(own.address);
   std::set<in_addr_t> addresses;
   for (const std::string& other : others) addresses.insert(inet_addr(other.c_str()));
   return addresses;

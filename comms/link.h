@@ -60,6 +60,9 @@ struct LinkStatistics {
   // UDP port at which no other drone looks for this one, because other programs have those before
   // it; 0: all look where it is. Of now, not summed.
   std::uint64_t unseen_port = 0;
+  // Of the network that the settings want, what is not usable now, and why: the link goes on
+  // without it, or waits for it. Empty: nothing. Of now, not summed.
+  std::string missing_network;
   // By peer, from its statuses; also of those that have left.
   std::map<std::string, ClockOffset> clocks;
   // Of a link in a process of its own: how often it was started anew, by reason, and its cost.

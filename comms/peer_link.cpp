@@ -24,6 +24,7 @@
 #include "comms/config_check.h"
 #include "comms/dds_log.h"
 #include "comms/link_events.h"
+#include "comms/link_network.h"
 #include "comms/link_state.h"
 #include "comms/outbox.h"
 #include "comms/participant_deleter.h"
@@ -74,6 +75,13 @@ std::size_t max_bytes(Kind kind) {
 
 void require(bool good, const std::string& complaint) {
   if (!good) throw std::runtime_error("link: " + complaint);
+}
+
+std::string words_on_no_socket(const LinkConfig& config) {
+  const std::string missing = link_network(config).missing;
+  return missing.empty() ? "no UDP port of DDS domain " + std::to_string(config.domain) +
+                               " is free: choose another link.domain"
+                         : missing;
 }
 
 // Who goes on being silent after it should have answered is gone. In between a reliable status
@@ -291,6 +299,8 @@ void PeerLink::Impl::create_participant() {
               std::to_string(config_.domain) +
               ": check that the interfaces exist and that its UDP ports are free; DDS says: " +
               dds_errors().last);
+  require(is_heard_at(wire_->first_port, config_),
+          config_.agent + " hears nobody: " + words_on_no_socket(config_));
   state_.set_own_id(peer_id(participant_->guid().guidPrefix));
   publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
   subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);

@@ -51,7 +51,7 @@ void look_on(const std::vector<std::string>& hosts, dds::WireProtocolConfigQos& 
   for (const std::string& host : hosts) wire.builtin.initialPeersList.push_back(locator(host, 0));
 }
 
-std::vector<std::string> own_addresses(const LinkConfig& config) {
+std::vector<std::string> addresses_to_sit_on(const LinkConfig& config) {
   const std::vector<std::string> named = own_interfaces(config);
   return named.empty() ? std::vector<std::string>{"0.0.0.0"} : named;
 }
@@ -80,10 +80,10 @@ void set_discovery(const LinkConfig& config, dds::WireProtocolConfigQos& wire) {
   switch (discovery_mode(config)) {
     case DiscoveryMode::kUnicast:
       look_on(config.loopback_only ? own_interfaces(config) : config.initial_peers, wire);
-      return sit_on_ports_from(0, own_addresses(config), config.domain, wire);
+      return sit_on_ports_from(0, addresses_to_sit_on(config), config.domain, wire);
     case DiscoveryMode::kServer:
       ask_server(config.discovery_server, wire);
-      return sit_on_ports_from(0, own_addresses(config), config.domain, wire);
+      return sit_on_ports_from(0, addresses_to_sit_on(config), config.domain, wire);
     case DiscoveryMode::kMulticast:
       return;  // which Fast DDS sets up by itself
   }
@@ -204,6 +204,14 @@ void sit_on_ports_from(int participant, const std::vector<std::string>& addresse
     wire.builtin.metatrafficUnicastLocatorList.push_back(locator(address, port));
     wire.default_unicast_locator_list.push_back(locator(address, port + 1));
   }
+}
+
+bool is_heard_at(std::uint32_t port, const LinkConfig& config) {
+  if (discovery_mode(config) == DiscoveryMode::kMulticast) return true;
+  const dds::WireProtocolConfigQos wire;
+  const std::uint32_t end = wire.port.getUnicastPort(static_cast<std::uint32_t>(config.domain),
+                                                     wire.builtin.mutation_tries);
+  return port != 0 && port < end;
 }
 
 bool is_looked_at(std::uint32_t port, const LinkConfig& config) {

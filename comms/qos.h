@@ -36,6 +36,10 @@ namespace covey {
 void sit_on_ports_from(int participant, const std::vector<std::string>& addresses, int domain,
                        eprosima::fastdds::dds::WireProtocolConfigQos& wire);
 
+// Whether a link whose first port is that one has opened it: Fast DDS goes on without a socket when
+// none of the ports that it tries is to be had, and names the one after them.
+[[nodiscard]] bool is_heard_at(std::uint32_t port, const LinkConfig& config);
+
 // Drones with the same settings look for others at that port, if they have to.
 [[nodiscard]] bool is_looked_at(std::uint32_t port, const LinkConfig& config);
 

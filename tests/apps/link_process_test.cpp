@@ -6,17 +6,24 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/if_tun.h>
+#include <sched.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <csignal>
 #include <functional>
+#include <memory>
+#include <thread>
 #include <vector>
 
 #include "apps/child_process.h"
+#include "apps/drone_network.h"
 #include "apps/link_worker.h"
 #include "apps/process_usage.h"
 #include "apps/stop_signal.h"
+#include "comms/own_addresses.h"
 #include "comms/peer_link.h"
 #include "tests/apps/covey_process.h"
 #include "tests/comms/eventually.h"
@@ -143,127 +150,111 @@ std::string end_of(const std::string& name) {
   return link.statistics().restarts.begin()->first;
 }
 
-// ------------------------------------------------------------------------------------------- tests
-
-TEST(ChildProcess, ASignalRightAfterTheForkIsNotLost) {
-  catch_stop_signals();
-  for (int i = 0; i < 20; ++i) {
-    ChildProcess child = ChildProcess::start_self(
-        {"covey", "link", "--drone", "wait", "--fd", kControlFdPlaceholder});
-    child.terminate();
-    EXPECT_EQ(child.ended(milliseconds(kPatience)), "killed by signal 15 (SIGTERM)");
+std::string complaint(const AgentConfig& config) {
+  try {
+    const LinkProcess link(config);
+  } catch (const std::runtime_error& error) {
+    return error.what();
   }
+  return "";
 }
 
-TEST(RestartPolicy, ALifeWorthItsNameIsFollowedAtOnceByTheNext) {
-  RestartPolicy policy;
-  EXPECT_EQ(policy.pause_after(milliseconds(60'000)), milliseconds(0));
-  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(100));
-  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(200));
-  for (int i = 0; i < 10; ++i) (void)policy.pause_after(milliseconds(10));
-  EXPECT_EQ(policy.pause_after(milliseconds(10)), milliseconds(1000));
-  EXPECT_EQ(policy.pause_after(milliseconds(60'000)), milliseconds(0));
+bool has_carrier(const std::string& address) {
+  for (const OwnAddress& own : own_addresses())
+    if (own.address == address) return own.running;
+  return false;
 }
 
-TEST(RestartPolicy, AStartThatTookTooLongMayTakeLonger) {
-  RestartPolicy policy;
-  EXPECT_EQ(policy.start_patience(), milliseconds(2000));
-  for (const int patience_ms : {4000, 8000, 16'000, 16'000}) {
-    policy.started_in_time(false);
-    EXPECT_EQ(policy.start_patience(), milliseconds(patience_ms));
+// Two computers on a network. The radio of the first has no carrier until it is given one.
+class Radio {
+ public:
+  // On a thread of its own: its namespace is the thread's.
+  static void fly(const std::function<void(const Radio&)>& flight) {
+    std::vector<DroneNamespace> computers;
+    for (std::size_t i = 0; i < 2; ++i) computers.push_back(make_drone_namespace(i, 2));
+    const Radio radio(std::move(computers));
+    std::thread([&] {
+      radio.go_to(0);
+      radio.set_carrier(0);
+      flight(radio);
+    }).join();
   }
-  policy.started_in_time(true);
-  EXPECT_EQ(policy.start_patience(), milliseconds(2000));
-}
 
-TEST(LinkProcess, CarriesWhatALinkCarries) {
-  LinkProcess link(drone("uav0"));
-  PeerLink peer(team_config("uav1"));
-  ASSERT_TRUE(link.wait_for_peers({"uav1"}, kPatience));
-  ASSERT_TRUE(peer.wait_for_peers({"uav0"}, kPatience));
-  EXPECT_THAT(link.peers(), testing::ElementsAre("uav1"));
+  // What this thread starts from now on is on that computer.
+  void go_to(std::size_t computer) const {
+    ASSERT_EQ(setns(networks_[computer].get(), CLONE_NEWNET), 0);
+  }
 
-  const PeerKeyframe sent = samples::keyframe("uav0", "uav1");
-  EXPECT_TRUE(link.send(samples::advert("uav0")));
-  EXPECT_TRUE(link.send(sent));
-  EXPECT_TRUE(link.publish(samples::odometry()));
-  ASSERT_TRUE(peer.wait_for_inbox({1, 1}, kPatience));
-  for (const Inbound& inbound : peer.take()) {
-    if (const auto* got = std::get_if<PeerKeyframe>(&inbound)) {
-      EXPECT_EQ(got->landmarks.size(), sent.landmarks.size());
-      EXPECT_DOUBLE_EQ(got->landmarks[3].inverse_depth_sigma,
-                       sent.landmarks[3].inverse_depth_sigma);
+  void give_carrier() const { set_carrier(1); }
+
+ private:
+  explicit Radio(std::vector<DroneNamespace> computers) : tap_(dup(computers[0].tap.get())) {
+    std::vector<FileDescriptor> taps;
+    for (DroneNamespace& each : computers) {
+      networks_.push_back(std::move(each.network));
+      taps.push_back(std::move(each.tap));
     }
+    NetworkModel model;
+    model.drones = networks_.size();
+    switch_ = std::make_unique<FrameSwitch>(std::move(taps), LinkModel(model, 1));
   }
-  EXPECT_TRUE(peer.send(samples::advert("uav1", 8)));
-  EXPECT_TRUE(peer.send(samples::keyframe("uav1", "uav0")));
-  ASSERT_TRUE(link.wait_for_inbox({1, 1}, kPatience));
-  EXPECT_EQ(link.arrived().messages, 1U);
-  EXPECT_GT(link.statistics().process_own_kib, 1024U);
 
-  link.close();
-  const LinkStatistics statistics = link.statistics();
-  EXPECT_EQ(statistics.request.sent, 1U);
-  EXPECT_EQ(statistics.request.received, 1U);
-  EXPECT_EQ(statistics.messages_sent_to.at("uav1"), 1U);
-  EXPECT_EQ(statistics.odometry.sent, 1U);
-  EXPECT_GT(statistics.wire_bytes_sent, encode(samples::advert()).size());
-  EXPECT_GT(statistics.process_peak_kib, 0U);
-  EXPECT_EQ(statistics.process_own_kib, 0U) << "there is none any more";
-  EXPECT_THAT(statistics.restarts, IsEmpty());
-  EXPECT_THAT(children_of(getpid()), IsEmpty());
+  // On the first computer.
+  void set_carrier(int on) const {
+    ASSERT_EQ(ioctl(tap_.get(), TUNSETCARRIER, &on), 0);
+    ASSERT_TRUE(eventually([on] { return has_carrier(drone_address(0)) == (on != 0); }));
+  }
+
+  const FileDescriptor tap_;
+  std::vector<FileDescriptor> networks_;
+  std::unique_ptr<FrameSwitch> switch_;
+};
+
+LinkConfig on_radio(LinkConfig config, std::size_t computer) {
+  config.loopback_only = false;
+  config.interfaces = {drone_address(computer)};
+  config.initial_peers = {drone_address(0), drone_address(1)};
+  return config;
 }
 
-TEST(LinkProcess, TellsThePeersClock) {
-  LinkProcess link(drone("uav0"));
-  PeerLink peer(team_config("uav1"), [] { return wall_clock_ns() - 3'000'000'000; });
-  std::uint32_t frames = 0;
-  ASSERT_TRUE(eventually([&] {
-    link.publish(samples::status("uav0", ++frames));
-    peer.publish(samples::status("uav1", frames));
-    return !link.statistics().clocks.empty();
-  }));
-  const ClockOffset clock = link.statistics().clocks.at("uav1");
-  EXPECT_LE(std::abs(clock.offset_ns + 3'000'000'000), clock.round_trip_ns / 2 + 1);
+class LinkNetworkComes : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const auto why = why_no_namespaces()) GTEST_SKIP() << *why;
+  }
+};
+
+TEST_F(LinkNetworkComes, ARadioWithoutCarrierIsWaitedForAndThenUsed) {
+  Radio::fly([](const Radio& radio) {
+    AgentConfig config = drone("uav0");
+    config.link = on_radio(config.link, 0);
+    LinkProcess link(config);
+    EXPECT_EQ(link.statistics().missing_network, "link.interfaces \"10.77.0.1\" has no carrier");
+    EXPECT_EQ(link.statistics().unseen_port, 0U) << "no port was taken";
+    (void)link.send(samples::advert("uav0"));
+    ASSERT_TRUE(eventually([&] { return link.statistics().request.refused == 1; }));
+    radio.give_carrier();
+    radio.go_to(1);
+    PeerLink peer(on_radio(team_config("uav1"), 1));
+    EXPECT_TRUE(reaches(link, "uav0", peer) && reaches(peer, "uav1", link));
+    EXPECT_TRUE(eventually([&] { return link.statistics().missing_network.empty(); }));
+  });
 }
 
-TEST(LinkProcess, TellsOfAPortWhereNoDroneLooksForIt) {
-  AgentConfig config = drone("uav0");
-  config.link.max_agents = 2;
-  const int first = 7410 + 250 * config.link.domain;
-  const TakenPort first_taken(first), second_taken(first + 2);
-  ASSERT_TRUE(first_taken.taken() && second_taken.taken());
-  const LinkProcess link(config);
-  EXPECT_TRUE(eventually(
-      [&] { return link.statistics().unseen_port == static_cast<std::uint64_t>(first + 4); }));
+TEST_F(LinkNetworkComes, ALinkOfThisProcessSaysThatThereIsNoCarrier) {
+  Radio::fly([](const Radio& /*radio*/) {
+    EXPECT_THAT([] { PeerLink(on_radio(team_config("uav0"), 0)); },
+                testing::ThrowsMessage<std::runtime_error>(HasSubstr("has no carrier")));
+  });
 }
 
-TEST(LinkProcess, CarriesWholeFilters) {
-  AgentConfig config = drone("uav0");
-  config.collaboration.exchange = ExchangeMode::kNaive;
-  LinkProcess link(config);
-  LinkConfig other = team_config("uav1");
-  other.full_messages = true;
-  PeerLink peer(other);
-  ASSERT_TRUE(link.wait_for_peers(1, kPatience));
-  ASSERT_TRUE(peer.wait_for_peers(1, kPatience));
-  EXPECT_TRUE(link.send(samples::full_keyframe("uav0", "")));
-  ASSERT_TRUE(peer.wait_for_inbox({0, 1}, kPatience));
-  EXPECT_TRUE(peer.send(samples::full_keyframe("uav1", "uav0")));
-  ASSERT_TRUE(link.wait_for_inbox({0, 1}, kPatience));
-}
-
-TEST(LinkProcess, RefusesWhatNoDroneMayMeanAndCountsIt) {
-  LinkProcess link(drone("uav0"));
-  PlaceAdvert nameless = samples::advert("");
-  EXPECT_FALSE(link.send(nameless));
-  Odometry nowhere = samples::odometry();
-  nowhere.pose.p_world_imu.x() = std::nan("");
-  EXPECT_FALSE(link.publish(nowhere));
-  (void)link.send(samples::advert("uav9"));  // its process refuses that
-  link.close();
-  EXPECT_EQ(link.statistics().request.refused, 2U);
-  EXPECT_EQ(link.statistics().odometry.refused, 1U);
+TEST_F(LinkNetworkComes, AnAddressThatNoInterfaceHasIsRefusedAtTheStart) {
+  Radio::fly([](const Radio& /*radio*/) {
+    AgentConfig config = drone("uav0");
+    config.link = on_radio(config.link, 0);
+    config.link.interfaces = {drone_address(7)};
+    EXPECT_THAT(complaint(config), HasSubstr("\"10.77.0.8\" is no address of this machine"));
+  });
 }
 
 class LinkProcessEnds : public testing::TestWithParam<int> {};
@@ -354,15 +345,6 @@ TEST(LinkProcess, WhatItPassesOnIsCheckedAsAStrangersWordsAre) {
   EXPECT_THAT(rejected, Contains(Key("another drone bears this drone's name")));
   EXPECT_GE(rejected.size(), 2U);
   EXPECT_EQ(restarts(link), 0U);
-}
-
-std::string complaint(const AgentConfig& config) {
-  try {
-    const LinkProcess link(config);
-  } catch (const std::runtime_error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 TEST(LinkProcess, WhatCannotStartSaysWhyInOneLine) {

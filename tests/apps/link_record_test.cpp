@@ -54,6 +54,7 @@ LinkReport report() {
   out.statistics.messages_sent_to = {{"uav1", 7}};
   out.statistics.rejected = {{"uav1", {{"sample too short", 8}}}};
   out.statistics.unseen_port = 7412;
+  out.statistics.missing_network = "link.interfaces has no carrier";
   out.statistics.last_dds_error = "odd bytes: \xff\xfe";
   out.statistics.clocks = {{"uav1", {-3'000'000'001, 2'000'000}}};
   out.statistics.wire_bytes_sent = 0xffffffffffffffffULL;
@@ -116,6 +117,7 @@ TEST(LinkRecord, AReportSurvivesWhateverDdsSaid) {
   EXPECT_EQ(got.statistics.clocks.at("uav1").round_trip_ns, 2'000'000);
   EXPECT_EQ(got.statistics.wire_bytes_sent, 0xffffffffffffffffULL);
   EXPECT_EQ(got.statistics.unseen_port, 7412U);
+  EXPECT_EQ(got.statistics.missing_network, "link.interfaces has no carrier");
   EXPECT_EQ(got.statistics.last_dds_error.rfind("odd bytes: ", 0), 0U);
 }
 
