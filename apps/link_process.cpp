@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "apps/link_worker.h"
 #include "apps/process_usage.h"
 #include "comms/checks.h"
 #include "comms/config_check.h"
@@ -280,6 +281,7 @@ std::optional<LinkProcess::End> LinkProcess::take(const Record& record, Life& li
     case RecordKind::kReport:
       return take_report(record.content, life);
     case RecordKind::kComplaint:
+      if (to_text(record.content) == kAddressesCame) return End{kAddressesCame, ""};
       return End{"gave up", printable(to_text(record.content))};
     case RecordKind::kRequest:
       state_.receive(Kind::kRequest, record.content, kProcess);

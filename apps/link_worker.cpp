@@ -72,6 +72,7 @@ class LinkWorker {
   void send(KindStatistics& kind, const Decoded<Message>& message);
   void look_at_network_when_due();
   void look_at_network();
+  void require_nothing_new() const;
   void pass_on_arrivals();
   void pass_on(RecordKind kind, const Bytes& sample);
   [[nodiscard]] LinkStatistics statistics() const;
@@ -81,7 +82,9 @@ class LinkWorker {
   RecordChannel& channel_;
   const LinkConfig config_;
   LinkNetwork network_;
-  std::optional<PeerLink> link_;     // once there is a network for it
+  std::optional<PeerLink> link_;  // once there is a network for it
+  std::set<std::string> used_;    // own addresses that it was made on
+  steady_clock::time_point made_;
   LinkStatistics before_;            // what was refused until then
   steady_clock::time_point looked_;  // at the network
   steady_clock::time_point reported_;
@@ -130,13 +133,23 @@ void LinkWorker::look_at_network_when_due() {
   if (steady_clock::now() - looked_ >= kInterval) look_at_network();
 }
 
+// DDS has opened its sockets, and told the others where they are, once and for all. What comes and
+// goes shall not keep a link from talking in between.
+void LinkWorker::require_nothing_new() const {
+  constexpr std::chrono::seconds kLeastLife{3};
+  if (uses_too_little(used_, network_) && steady_clock::now() - made_ >= kLeastLife)
+    throw std::runtime_error(kAddressesCame);
+}
+
 void LinkWorker::look_at_network() {
   looked_ = steady_clock::now();
   network_ = link_network(config_);
-  if (link_) return;
+  if (link_) return require_nothing_new();
   const std::optional<LinkConfig> config = on_what_is_there(config_, network_);
   if (!config) return;
   link_.emplace(*config);
+  used_ = network_.usable;
+  made_ = steady_clock::now();
   limit_further_memory(config_.max_memory_mib);
 }
 

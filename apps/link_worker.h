@@ -11,6 +11,9 @@ class App;
 
 namespace covey {
 
+// The complaint of one that gives up because there is more to use than when it started.
+inline constexpr char kAddressesCame[] = "addresses of this computer have come";
+
 // Serves the drone at the other end of `socket` until that has said its last. False: gave up, and
 // has complained.
 bool run_link(int socket);

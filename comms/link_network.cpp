@@ -56,4 +56,9 @@ std::optional<LinkConfig> on_what_is_there(LinkConfig config, const LinkNetwork&
   return config;
 }
 
+bool uses_too_little(const std::set<std::string>& used, const LinkNetwork& network) {
+  const std::set<std::string>& usable = network.usable;
+  return !std::includes(used.begin(), used.end(), usable.begin(), usable.end());
+}
+
 }  // namespace covey

@@ -27,4 +27,8 @@ struct LinkNetwork {
 [[nodiscard]] std::optional<LinkConfig> on_what_is_there(LinkConfig config,
                                                          const LinkNetwork& network);
 
+// Whether a link that uses those addresses would use more if it were made now. One that has gone
+// may come back, and is used again without more ado.
+[[nodiscard]] bool uses_too_little(const std::set<std::string>& used, const LinkNetwork& network);
+
 }  // namespace covey

@@ -217,6 +217,12 @@ LinkConfig on_radio(LinkConfig config, std::size_t computer) {
   return config;
 }
 
+LinkConfig on_all_interfaces(LinkConfig config) {
+  config = on_radio(std::move(config), 0);
+  config.interfaces.clear();
+  return config;
+}
+
 class LinkNetworkComes : public testing::Test {
  protected:
   void SetUp() override {
@@ -237,6 +243,21 @@ TEST_F(LinkNetworkComes, ARadioWithoutCarrierIsWaitedForAndThenUsed) {
     radio.go_to(1);
     PeerLink peer(on_radio(team_config("uav1"), 1));
     EXPECT_TRUE(reaches(link, "uav0", peer) && reaches(peer, "uav1", link));
+    EXPECT_TRUE(eventually([&] { return link.statistics().missing_network.empty(); }));
+  });
+}
+
+TEST_F(LinkNetworkComes, WhoUsesAllInterfacesUsesOneThatComesLater) {
+  Radio::fly([](const Radio& radio) {
+    AgentConfig config = drone("uav0");
+    config.link = on_all_interfaces(config.link);
+    LinkProcess link(config);
+    EXPECT_EQ(link.statistics().missing_network, "no interface has an address and a carrier");
+    radio.give_carrier();
+    radio.go_to(1);
+    PeerLink peer(on_radio(team_config("uav1"), 1));
+    EXPECT_TRUE(reaches(link, "uav0", peer) && reaches(peer, "uav1", link));
+    EXPECT_THAT(link.statistics().restarts, Contains(Key(kAddressesCame)));
     EXPECT_TRUE(eventually([&] { return link.statistics().missing_network.empty(); }));
   });
 }

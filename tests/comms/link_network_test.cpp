@@ -52,6 +52,19 @@ TEST(LinkNetwork, WhoNamesNoneUsesAllButTheLoopbackAndMissesAny) {
   EXPECT_EQ(some.missing, "");
 }
 
+TEST(LinkNetwork, AnAddressThatComesIsWorthANewLinkAndOneThatGoesIsNot) {
+  const LinkConfig all = config_on({}), named = config_on({"10.0.0.2"});
+  const std::vector<OwnAddress> before = {kLo, kCable}, after = {kLo, kCable, kRadio};
+  EXPECT_TRUE(uses_too_little(link_network(all, before).usable, link_network(all, after)));
+  EXPECT_TRUE(uses_too_little(link_network(all, {kLo}).usable, link_network(all, before)));
+  EXPECT_FALSE(uses_too_little(link_network(all, after).usable, link_network(all, before)));
+  EXPECT_FALSE(uses_too_little(link_network(all, after).usable, link_network(all, after)));
+  EXPECT_TRUE(uses_too_little(link_network(named, before).usable, link_network(named, after)));
+  EXPECT_FALSE(uses_too_little(link_network(named, {kRadio}).usable, link_network(named, after)));
+  const LinkConfig loopback;
+  EXPECT_FALSE(uses_too_little(link_network(loopback, {}).usable, link_network(loopback, after)));
+}
+
 TEST(LinkNetwork, TheLoopbackIsAlwaysThere) {
   const LinkNetwork network = link_network(LinkConfig(), {});
   EXPECT_THAT(network.usable, ElementsAre("127.0.0.1"));
