@@ -129,7 +129,7 @@ TEST(CompareDescriptors, RefusesFlightsThatNeverMeet) {
 
 TEST(PlaceReport, HoldsAllFigures) {
   const TemporaryFolder folder;
-  const auto out = folder.path() / "places";
+  const std::filesystem::path out = folder.path();
   write_place_report(out, {compare_descriptors("walls", two_flights(), with_bag())});
   const nlohmann::json json = read_json_file(out / "places.json");
   EXPECT_EQ(json["walls"]["pairs_same_place"], 4);
