@@ -51,10 +51,6 @@ nlohmann::json read_json_file(const std::filesystem::path& file) {
   return parse_json(stream, file.string());
 }
 
-std::string printable(const nlohmann::json& json, int indent) {
-  return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
-}
-
 void write_json_file(const std::filesystem::path& file, const nlohmann::json& json) {
   write_whole_file(file, printable(json, 2) + '\n');
 }

@@ -20,7 +20,9 @@ inline constexpr int kMostJsonLevels = 32;
 
 // Bytes that are not UTF-8 become U+FFFD: what went wrong elsewhere may quote them. Indent -1: one
 // line.
-[[nodiscard]] std::string printable(const nlohmann::json& json, int indent = -1);
+[[nodiscard]] inline std::string printable(const nlohmann::json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+}
 
 // Written beside and renamed: a reader sees the old file or the new one, never half of one.
 void write_json_file(const std::filesystem::path& file, const nlohmann::json& json);
