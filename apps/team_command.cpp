@@ -70,7 +70,8 @@ std::vector<std::string> without_ground_truth(const std::vector<DroneFolder>& dr
 }
 
 // As the command says, or else the settings, or else what the dataset has.
-InitMethod chosen_start(std::string init, const AgentConfig& settings, const TeamOptions& team) {
+InitMethod chosen_start(const std::string& init, const AgentConfig& settings,
+                        const TeamOptions& team) {
   const bool set = team.config.contains(nlohmann::json::json_pointer("/initialisation/method"));
   if (init == "auto" && set) return settings.initialisation.method;
   if (init == "static") return InitMethod::kStatic;
