@@ -192,8 +192,8 @@ void require_utf8(const std::string& key, const std::string& value) {
   try {
     (void)Json(value).dump();
   } catch (const Json::exception&) {
-    throw std::runtime_error(key + " is not UTF-8, in which settings are written: " +
-                             Json(value).dump(-1, ' ', false, Json::error_handler_t::replace));
+    throw std::runtime_error(key +
+                             " is not UTF-8, in which settings are written: " + printable(value));
   }
 }
 

@@ -5,7 +5,11 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
+#include <iterator>
+#include <set>
+#include <string>
 
 namespace covey {
 
@@ -23,6 +27,22 @@ template <typename Test>
   const std::filesystem::directory_iterator entries(folder);
   return std::all_of(begin(entries), end(entries),
                      [&](const auto& entry) { return is_good(entry.path()); });
+}
+
+// These files or some of them: nobody else's are among them, and no folder.
+[[nodiscard]] inline bool holds_only(const std::filesystem::path& folder,
+                                     const std::set<std::string>& files) {
+  return is_plain_folder(folder) && all_entries(folder, [&](const std::filesystem::path& entry) {
+           return is_plain_file(entry) && files.count(entry.filename()) > 0;
+         });
+}
+
+// All of them, too.
+[[nodiscard]] inline bool holds_exactly(const std::filesystem::path& folder,
+                                        const std::set<std::string>& files) {
+  using Entries = std::filesystem::directory_iterator;
+  return holds_only(folder, files) &&
+         std::distance(Entries(folder), Entries()) == static_cast<std::ptrdiff_t>(files.size());
 }
 
 }  // namespace covey

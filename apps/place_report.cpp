@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/chart_sheet.h"
+#include "apps/folder_entries.h"
 #include "apps/json_file.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
@@ -115,7 +116,7 @@ void write_place_report(const std::filesystem::path& folder,
 }
 
 bool is_place_report(const std::filesystem::path& folder) {
-  return holds_only(folder, {"places.json", "curves.csv", "places.svg"});
+  return holds_exactly(folder, {"places.json", "curves.csv", "places.svg"});
 }
 
 std::string place_table(const std::vector<DatasetComparison>& comparisons) {

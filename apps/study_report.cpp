@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "apps/chart_sheet.h"
+#include "apps/folder_entries.h"
 #include "apps/json_file.h"
 #include "apps/svg.h"
 #include "apps/whole_file.h"
@@ -137,11 +138,11 @@ void write_ablation(const std::filesystem::path& folder, const StudyConfig& conf
 }
 
 bool is_scaling(const std::filesystem::path& folder) {
-  return holds_only(folder, {"scaling.csv", "scaling.svg", "summary.json"});
+  return holds_exactly(folder, {"scaling.csv", "scaling.svg", "summary.json"});
 }
 
 bool is_ablation(const std::filesystem::path& folder) {
-  return holds_only(folder, {"ablation.csv", "summary.json"});
+  return holds_exactly(folder, {"ablation.csv", "summary.json"});
 }
 
 std::string scaling_table(const std::vector<ScalingPoint>& points) {

@@ -107,13 +107,6 @@ fs::path issued_certificate(const fs::path& team_folder, const std::string& dron
   return team_folder / kAuthorityFolder / kDronesFolder / (drone + ".pem");
 }
 
-// Names of files: nobody else's are among them, and no folder.
-bool holds_only(const fs::path& folder, const std::set<std::string>& names) {
-  return is_plain_folder(folder) && all_entries(folder, [&](const fs::path& entry) {
-           return is_plain_file(entry) && names.count(entry.filename()) > 0;
-         });
-}
-
 bool is_authority(const fs::path& folder) {
   static const std::set<std::string> kFiles = {kTeamFile,           kIdentityKeyFile,
                                                kPermissionsKeyFile, kIdentityAuthorityFile,

@@ -69,16 +69,6 @@ void require_writable(const fs::path& file) {
   fs::remove(part);
 }
 
-bool holds_only(const fs::path& folder, const std::set<std::string>& files) {
-  std::set<std::string> found;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder))
-    if (fs::is_regular_file(entry.symlink_status()))
-      found.insert(entry.path().filename().string());
-    else
-      return false;
-  return found == files;
-}
-
 void write_whole_file(const fs::path& file, const std::string& content) {
   const fs::path target = target_of(file), part = beside(target);
   std::ofstream stream(part, std::ios::binary);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <set>
 #include <string>
 
 namespace covey {
@@ -18,10 +17,5 @@ void write_whole_file(const std::filesystem::path& file, const std::string& cont
 // Before minutes of work, not after them: throws std::runtime_error where a file could not be
 // written.
 void require_writable(const std::filesystem::path& file);
-
-// Whether a folder holds these files, all of them and nothing else: somebody's own are not lost
-// with it.
-[[nodiscard]] bool holds_only(const std::filesystem::path& folder,
-                              const std::set<std::string>& files);
 
 }  // namespace covey
