@@ -222,8 +222,9 @@ void Agent::count(TimeNs stamp_ns, ImageContent content) {
   if (!unseen_since_ns_) unseen_since_ns_ = stamp_ns;
   if (blind_ || !is_blind(content)) return;
   blind_ = true;
-  spdlog::warn("image {} ns {}: flying on inertial propagation until the camera sees again",
-               stamp_ns, uniform ? "is uniform" : "still shows what those before it did");
+  spdlog::warn("image {} ns {}: {} until the camera sees again", stamp_ns,
+               uniform ? "is uniform" : "still shows what those before it did",
+               pipeline_.started() ? "flying on inertial propagation" : "nothing is estimated");
 }
 
 void Agent::tell_predicted() {

@@ -165,6 +165,7 @@ ImageResult Pipeline::add_image(TimeNs stamp_ns, const cv::Mat& pixels) {
   const Eigen::Matrix3d R_cam_previous = predicted_rotation(q_scene_now);
   const cv::Mat grey = prepared(stamp_ns, pixels, R_cam_previous, result);
   if (grey.empty()) {
+    if (!started()) start_if_possible(stamp_ns);  // needs no image, only its moment
     result.update = estimator_.pass_image(stamp_ns);
     result.timing.propagate_ms = result.update.propagate_ms;
     if (started()) take_odometry(result);

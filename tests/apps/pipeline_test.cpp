@@ -305,6 +305,17 @@ TEST(Pipeline, OfImagesThatTheImuDoesNotReachNothingIsTold) {
   EXPECT_EQ(drone.pipeline().status().status, FilterStatus::kDegraded);
 }
 
+// Who waits for a scene takes to the air unnoticed.
+TEST(Pipeline, ADroneStartsWhileItsCameraIsBlind) {
+  Drone drone("uav0", FlightMode::kSolo, ExchangeMode::kCompact, {}, ThermalMode::kCalibrated);
+  for (std::size_t i = 0; i < 10; ++i)
+    ASSERT_EQ(drone.fly_blind(i).content, ImageContent::kUniform);
+  EXPECT_TRUE(drone.pipeline().started());
+  EXPECT_TRUE(drone.fly_blind(10).odometry);
+  for (std::size_t i = 11; i < drone.images(); ++i) (void)drone.fly(i);
+  EXPECT_EQ(drone.pipeline().status().status, FilterStatus::kTracking);
+}
+
 TEST(Pipeline, NobodyStartsBeforeTheImuBegins) {
   Drone drone("uav0", FlightMode::kSolo);
   drone.lose_imu_before(3);
