@@ -13,9 +13,14 @@ namespace covey {
 
 TrackList sorted_by_id(const std::vector<TrackObservation>& tracks) {
   TrackList sorted = tracks;
-  std::sort(sorted.begin(), sorted.end(), [](const TrackObservation& a, const TrackObservation& b) {
-    return a.track_id < b.track_id;
-  });
+  std::stable_sort(
+      sorted.begin(), sorted.end(),
+      [](const TrackObservation& a, const TrackObservation& b) { return a.track_id < b.track_id; });
+  const auto end = std::unique(sorted.begin(), sorted.end(),
+                               [](const TrackObservation& a, const TrackObservation& b) {
+                                 return a.track_id == b.track_id;
+                               });
+  sorted.erase(end, sorted.end());
   return sorted;
 }
 

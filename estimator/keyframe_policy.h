@@ -21,6 +21,7 @@ struct ViewChange {
 // Tracks of one image, ascending ids.
 using TrackList = std::vector<TrackObservation>;
 
+// Of observations with the same id the first.
 [[nodiscard]] TrackList sorted_by_id(const std::vector<TrackObservation>& tracks);
 
 [[nodiscard]] ViewChange compare_views(const TrackList& reference,

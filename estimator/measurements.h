@@ -60,7 +60,7 @@ struct TrackObservation {
 // What is left of an image once the front-end is done with it.
 struct CameraMeasurement {
   TimeNs stamp_ns = 0;
-  std::vector<TrackObservation> tracks;
+  std::vector<TrackObservation> tracks;  // one each; of two with the same id the first counts
 };
 
 // Position and attitude of the IMU in the world.

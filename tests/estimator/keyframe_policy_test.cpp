@@ -30,6 +30,15 @@ TEST(KeyframePolicy, TracksAreSortedById) {
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(sorted[i].track_id, i + 1);
 }
 
+TEST(KeyframePolicy, OfTracksWithTheSameIdTheFirstCounts) {
+  TrackList tracks = seen_from(kFirst, 1, 3);
+  tracks.push_back(tracks[1]);
+  tracks.back().bearing.x() += 1;
+  const TrackList sorted = sorted_by_id(tracks);
+  ASSERT_EQ(sorted.size(), 3U);
+  EXPECT_EQ(sorted[1].bearing, tracks[1].bearing);
+}
+
 TEST(KeyframePolicy, ACameraThatOnlyTurnsHasNoParallax) {
   const CameraPose turned{
       Eigen::AngleAxisd(0.2, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix(),
