@@ -13,8 +13,6 @@
 #include <optional>
 #include <utility>
 
-#include "frontend/white_level.h"
-
 namespace covey {
 namespace {
 
@@ -31,8 +29,7 @@ Eigen::Vector2d to_squares(const Eigen::Vector2d& pixel, int side_px) {
 }
 
 template <typename Pixel>
-cv::Mat means(const cv::Mat& image, int side_px) {
-  const int white = white_level(image);
+cv::Mat means(const cv::Mat& image, int white, int side_px) {
   cv::Mat small(image.rows / side_px, image.cols / side_px, CV_32FC1);
   for (int y = 0; y < small.rows; ++y) {
     auto* out = small.ptr<float>(y);
@@ -241,9 +238,9 @@ cv::Mat shown_squares(const cv::Mat& mask, int side_px) {
   return shown;
 }
 
-cv::Mat square_means(const cv::Mat& image, int side_px, const cv::Mat& shown) {
-  cv::Mat levels = image.depth() == CV_8U ? means<std::uint8_t>(image, side_px)
-                                          : means<std::uint16_t>(image, side_px);
+cv::Mat square_means(const cv::Mat& image, int white, int side_px, const cv::Mat& shown) {
+  cv::Mat levels = image.depth() == CV_8U ? means<std::uint8_t>(image, white, side_px)
+                                          : means<std::uint16_t>(image, white, side_px);
   if (!shown.empty()) levels.setTo(std::numeric_limits<float>::quiet_NaN(), shown == 0);
   return levels;
 }

@@ -37,9 +37,9 @@ struct Sight {
 // without a mask.
 [[nodiscard]] cv::Mat shown_squares(const cv::Mat& mask, int side_px);
 
-// Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, white), or that
-// is not among those `shown`, has no mean: NaN.
-[[nodiscard]] cv::Mat square_means(const cv::Mat& image, int side_px,
+// Grey levels, CV_32FC1. A square with a pixel that has no value of its own (black, `white` or
+// above), or that is not among those `shown`, has no mean: NaN.
+[[nodiscard]] cv::Mat square_means(const cv::Mat& image, int white, int side_px,
                                    const cv::Mat& shown = cv::Mat());
 
 // Half the blocks lie on the grid now, the other half did before, as on a chessboard. A block's

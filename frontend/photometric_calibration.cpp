@@ -22,7 +22,7 @@ constexpr int kMiddle = ToneCurve::kLevels / 2;
 constexpr int kPatch = 11;      // px, side of the patch whose mean is compared
 constexpr int kSampleStep = 8;  // px, for statistics of the whole image
 
-double pixel(const cv::Mat& image, int y, int x) {
+int pixel(const cv::Mat& image, int y, int x) {
   return image.depth() == CV_8U ? image.at<std::uint8_t>(y, x) : image.at<std::uint16_t>(y, x);
 }
 
@@ -149,39 +149,57 @@ void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
 }
 
 struct GreyStatistics {
-  double mean = 0, sigma = 1;
+  double mean = 0, deviation = 0;
 };
+
+// The outermost pixels count as the outermost of the others: a hot pixel of 16 bits would say more
+// than the whole scene. `greys` must not be empty; their order is lost.
+GreyStatistics winsorised(std::vector<int>& greys) {
+  constexpr std::size_t kOutermost = 100;  // one in so many, at either end
+  const auto cut = static_cast<std::ptrdiff_t>(greys.size() / kOutermost);
+  const auto low = greys.begin() + cut, high = greys.end() - 1 - cut;
+  std::nth_element(greys.begin(), low, greys.end());
+  const double least = *low;
+  std::nth_element(low, high, greys.end());
+  const double most = *high;
+  double sum = 0, squares = 0;
+  for (const int grey : greys) {
+    const double counted = std::clamp(static_cast<double>(grey), least, most) - least;
+    sum += counted;
+    squares += counted * counted;
+  }
+  const auto count = static_cast<double>(greys.size());
+  const double mean = sum / count;
+  return {least + mean, std::sqrt(std::max(0.0, squares / count - mean * mean))};
+}
+
+// Calls visit(x, y, grey) for pixels from all over the image that are not saturated.
+template <typename Visit>
+void for_each_sample(const cv::Mat& image, int white, const Visit& visit) {
+  for (int y = kSampleStep / 2; y < image.rows; y += kSampleStep) {
+    for (int x = kSampleStep / 2; x < image.cols; x += kSampleStep) {
+      const int grey = pixel(image, y, x);
+      if (grey > 0 && grey < white) visit(x, y, grey);
+    }
+  }
+}
 
 // Of the pixels that are not saturated.
 GreyStatistics unsaturated(const cv::Mat& image, int white) {
-  double count = 0, sum = 0, squares = 0;
-  for (int y = 0; y < image.rows; y += kSampleStep) {
-    for (int x = 0; x < image.cols; x += kSampleStep) {
-      const double grey = pixel(image, y, x);
-      if (grey <= 0 || grey >= white) continue;
-      ++count;
-      sum += grey;
-      squares += grey * grey;
-    }
-  }
-  if (count == 0) return {};
-  constexpr double kLeastSigma = 0.25;  // grey levels
-  const double mean = sum / count;
-  const double variance = std::max(0.0, squares / count - mean * mean);
-  return {mean, std::max(kLeastSigma, std::sqrt(variance))};
+  std::vector<int> greys;
+  for_each_sample(image, white, [&](int, int, int grey) { greys.push_back(grey); });
+  if (greys.empty()) return {0, 1};
+  constexpr double kLeastDeviation = 0.25;  // grey levels
+  GreyStatistics statistics = winsorised(greys);
+  statistics.deviation = std::max(kLeastDeviation, statistics.deviation);
+  return statistics;
 }
 
 // A chain that has gone astray squeezes the image into few levels, or pushes it out of their range.
-bool plausible(const std::vector<int>& levels) {
+bool plausible(std::vector<int> levels) {
   constexpr double kMost = 5;  // times narrower or wider than at its start
-  double sum = 0, squares = 0;
-  for (const int level : levels) {
-    sum += level;
-    squares += static_cast<double>(level) * level;
-  }
-  const auto count = static_cast<double>(levels.size());
-  const double mean = sum / count;
-  const double deviation = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  if (levels.empty()) return true;
+  const auto [mean, deviation] = winsorised(levels);
   return deviation > kLevelsPerSigma / kMost && deviation < kLevelsPerSigma * kMost &&
          std::abs(mean - kMiddle) < 0.35 * ToneCurve::kLevels;
 }
@@ -258,13 +276,13 @@ void PhotometricCalibration::restart(const cv::Mat& image) {
 void PhotometricCalibration::choose_units(const cv::Mat& image) {
   const GreyStatistics statistics = unsaturated(image, white_);
   centre_ = statistics.mean;
-  sigma_ = statistics.sigma;
+  sigma_ = statistics.deviation;
 }
 
 // What would give the current image the mean and the deviation of the chain's first.
 GainOffset PhotometricCalibration::like_the_first() const {
   const GreyStatistics statistics = unsaturated(image_, white_);
-  const double gain = sigma_ / statistics.sigma;
+  const double gain = sigma_ / statistics.deviation;
   return {gain, centre_ - gain * statistics.mean};
 }
 
@@ -367,7 +385,7 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
 // The current image as the field is looked for in it.
 Sight PhotometricCalibration::sight() const {
   const int side_px = square_side(image_.size());
-  Sight sight{side_px, square_means(image_, side_px, shown_), seen_};
+  Sight sight{side_px, square_means(image_, white_, side_px, shown_), seen_};
   for (const cv::Point& bad : bad_pixels_) {
     const cv::Point square = bad / side_px;
     if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;
@@ -413,14 +431,10 @@ void PhotometricCalibration::build_table(const GainOffset& map) {
 // Calibrated levels of pixels from all over the image that are not saturated.
 std::vector<int> PhotometricCalibration::levels() const {
   std::vector<int> sample;
-  for (int y = kSampleStep / 2; y < image_.rows; y += kSampleStep) {
-    for (int x = kSampleStep / 2; x < image_.cols; x += kSampleStep) {
-      const auto grey = static_cast<int>(pixel(image_, y, x));
-      if (grey == 0 || grey >= white_) continue;
-      const int level = table_[static_cast<std::size_t>(grey)] - bias_.at<std::int16_t>(y, x);
-      sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
-    }
-  }
+  for_each_sample(image_, white_, [&](int x, int y, int grey) {
+    const int level = table_[static_cast<std::size_t>(grey)] - bias_.at<std::int16_t>(y, x);
+    sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
+  });
   return sample;
 }
 

@@ -12,6 +12,7 @@
 #include "frontend/pattern_gain.h"
 #include "frontend/photometric_calibration.h"
 #include "frontend/pixel_lag.h"
+#include "frontend/white_level.h"
 
 namespace covey {
 namespace {
@@ -120,7 +121,7 @@ BENCHMARK(GainFit)->Unit(benchmark::kMillisecond);
 
 Sight sight(int shift) {
   Sight sight;
-  square_means(scene(CV_8UC1, shift), 4).convertTo(sight.levels, CV_32F, 0.25);
+  square_means(scene(CV_8UC1, shift), 255, 4).convertTo(sight.levels, CV_32F, 0.25);
   for (const TrackPlace& track : tracks(shift)) {
     sight.tracks.push_back({track.patch_id, track.place.pixel, 0});
   }
@@ -133,14 +134,15 @@ constexpr double kRefresh_s = 0.1;
 
 void FieldSight(benchmark::State& state) {
   const cv::Mat image = scene(CV_8UC1, 0);
-  for (auto _ : state) benchmark::DoNotOptimize(square_means(image, 4).data);
+  for (auto _ : state) benchmark::DoNotOptimize(square_means(image, white_level(image), 4).data);
 }
 void FieldSightMasked(benchmark::State& state) {
   const cv::Mat image = scene(CV_8UC1, 0);
   cv::Mat mask(kImage, CV_8UC1, cv::Scalar(255));
   mask.colRange(0, 100) = 0;
   const cv::Mat shown = shown_squares(mask, 4);
-  for (auto _ : state) benchmark::DoNotOptimize(square_means(image, 4, shown).data);
+  for (auto _ : state)
+    benchmark::DoNotOptimize(square_means(image, white_level(image), 4, shown).data);
 }
 void FieldBlocks(benchmark::State& state) {
   const Sight before = sight(0), now = sight(6);

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
+#include "frontend/white_level.h"
 #include "tests/frontend/synthetic_thermal.h"
 
 namespace covey {
@@ -19,7 +20,8 @@ Sight take(SyntheticThermal& camera) {
   Sight sight;
   const cv::Mat image = camera.expose();
   sight.side_px = square_side(image.size());
-  square_means(image, sight.side_px).convertTo(sight.levels, CV_32F, 1 / kDeviation);
+  square_means(image, white_level(image), sight.side_px)
+      .convertTo(sight.levels, CV_32F, 1 / kDeviation);
   for (const TrackPlace& track : camera.tracks()) {
     sight.tracks.push_back({track.patch_id, track.place.pixel, 0});
   }
@@ -120,14 +122,14 @@ TEST(BlockDifferences, SquaresAreMeansAndHaveNoneWithABlackOrWhitePixel) {
   image.at<std::uint8_t>(1, 5) = 116;
   image.at<std::uint8_t>(6, 1) = 0;
   image.at<std::uint8_t>(7, 11) = 255;
-  const cv::Mat means = square_means(image, 4);
+  const cv::Mat means = square_means(image, white_level(image), 4);
   ASSERT_EQ(means.size(), cv::Size(3, 2));
   EXPECT_EQ(means.at<float>(0, 0), 100);
   EXPECT_EQ(means.at<float>(0, 1), 101);
   EXPECT_TRUE(std::isnan(means.at<float>(1, 0)));
   EXPECT_TRUE(std::isnan(means.at<float>(1, 2)));
   cv::Mat wide(4, 4, CV_16UC1, cv::Scalar(29500));
-  EXPECT_EQ(square_means(wide, 4).at<float>(0, 0), 29500);
+  EXPECT_EQ(square_means(wide, white_level(wide), 4).at<float>(0, 0), 29500);
 }
 
 TEST(BlockDifferences, SquaresAreAsWideAsTheImageAllows) {
@@ -141,7 +143,7 @@ TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
   const cv::Mat image(8, 12, CV_8UC1, cv::Scalar(100));
   cv::Mat mask(8, 12, CV_8UC1, cv::Scalar(255));
   mask.at<std::uint8_t>(3, 8) = 0;
-  const cv::Mat means = square_means(image, 4, shown_squares(mask, 4));
+  const cv::Mat means = square_means(image, white_level(image), 4, shown_squares(mask, 4));
   EXPECT_TRUE(std::isnan(means.at<float>(0, 2)));
   EXPECT_EQ(cv::countNonZero(means == 100), 5);
   EXPECT_TRUE(shown_squares(cv::Mat(), 4).empty());
@@ -150,11 +152,11 @@ TEST(BlockDifferences, SquaresThatAMaskTouchesHaveNoMean) {
 TEST(BlockDifferences, ASensorOfFourteenBitsSaturatesBelowItsImagesWhite) {
   cv::Mat image(4, 8, CV_16UC1, cv::Scalar(9000));
   image.at<std::uint16_t>(2, 6) = 16383;
-  const cv::Mat means = square_means(image, 4);
+  const cv::Mat means = square_means(image, white_level(image), 4);
   EXPECT_EQ(means.at<float>(0, 0), 9000);
   EXPECT_TRUE(std::isnan(means.at<float>(0, 1)));
   image.at<std::uint16_t>(2, 6) = 16000;  // merely bright
-  EXPECT_EQ(square_means(image, 4).at<float>(0, 1), 9437.5F);
+  EXPECT_EQ(square_means(image, white_level(image), 4).at<float>(0, 1), 9437.5F);
 }
 
 }  // namespace

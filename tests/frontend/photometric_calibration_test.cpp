@@ -29,6 +29,7 @@ PhotometricConfig free_gain() {
 }
 
 struct Flight {
+  int chains = 0;
   double worst_gain_error = 0;  // relative, after the first two seconds and against their end
   double final_scale = 1;       // estimated over true gain
   CalibratedImage last;
@@ -46,6 +47,7 @@ Flight fly(SyntheticThermal& camera, PhotometricCalibration& calibration, int im
     camera.offset = 12 * std::sin(k / 25.0);
     flight.last = calibration.correct(camera.stamp_ns(), camera.expose(wide), camera.tracks());
     calibration.observe(camera.tracks());
+    flight.chains += flight.last.restarted ? 1 : 0;
     flight.final_scale = flight.last.map.gain / camera.gain;
     if (k == kSettled) unit = flight.final_scale;
     const double error = std::abs(flight.final_scale / unit - 1);
@@ -367,6 +369,34 @@ TEST(PhotometricCalibration, NorDoesOneOfFourteenOrSixteenBits) {
     camera.white16 = white;
     PhotometricCalibration calibration(free_gain(), kImage);
     EXPECT_LT(fly(camera, calibration, 150, true).worst_gain_error, 0.03) << white;
+  }
+}
+
+// Sensors of 14 bits at the upper end of 16, of 12, and one that is cut off anywhere.
+TEST(PhotometricCalibration, ASaturatedHalfTakesNoContrastFromTheOtherWhereverItIsCutOff) {
+  for (const int white : {65532, 65520, 60000}) {
+    SyntheticThermal camera(6);
+    camera.saturated_half = true;
+    camera.white16 = white;
+    PhotometricCalibration calibration(free_gain(), kImage);
+    const Flight flight = fly(camera, calibration, 90, true);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(flight.last.pixels.colRange(kImage.width / 2, kImage.width), mean, deviation);
+    EXPECT_GT(deviation[0], 50) << white;
+    EXPECT_EQ(flight.chains, 1) << white;
+  }
+}
+
+// Its value says more than those of all others: hot pixels of 16 bits have thousands of counts.
+TEST(PhotometricCalibration, AHotPixelIsNotTheScenesContrast) {
+  for (int x = 40; x < 48; ++x) {
+    SyntheticThermal camera(5);
+    camera.hot_pixels = {{x, 44}, {x, 40}};
+    camera.hot16 = 64000;
+    camera.field_sigma = 1;
+    camera.contrast = 0.03;
+    PhotometricCalibration calibration(free_gain(), kImage);
+    EXPECT_EQ(fly(camera, calibration, 20, true).chains, 1) << x;
   }
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -28,7 +29,8 @@ class SyntheticThermal {
   bool saturated_half = false;
   int white16 = 65535;  // largest value of a sensor of 16 bits or fewer
   std::vector<cv::Point> hot_pixels;
-  cv::Mat stripes;  // CV_32FC1, grey levels of the first image; empty: none
+  int hot16 = 65535;  // their value in an image of 16 bits
+  cv::Mat stripes;    // CV_32FC1, grey levels of the first image; empty: none
 
   explicit SyntheticThermal(unsigned seed) : random_(seed) {
     plane_.create(kPlane, kPlane, CV_32FC1);
@@ -104,7 +106,7 @@ class SyntheticThermal {
       scene.convertTo(image_, CV_8UC1, 1 / gain, -offset / gain);
     }
     for (const cv::Point& p : hot_pixels) {
-      if (wide) image_.at<std::uint16_t>(p) = static_cast<std::uint16_t>(white16);
+      if (wide) image_.at<std::uint16_t>(p) = static_cast<std::uint16_t>(std::min(hot16, white16));
       if (!wide) image_.at<std::uint8_t>(p) = 255;
     }
     return image_;
