@@ -93,6 +93,15 @@ void Outbox::drop_late(Time now) {
     drop(late, "found no room in time");
 }
 
+// A falling keyframe id tells a hearer that the sender has started anew: it would forget the
+// sender's world. So no question may follow a newer one. Making the newer one wait instead gets
+// about as many through a full radio, but old ones: each would have waited for all its patience.
+void Outbox::drop_questions_before(std::ptrdiff_t place) {
+  while (place-- > 0)
+    if (waiting_[static_cast<std::size_t>(place)].out.kind == Kind::kRequest)
+      drop(waiting_.begin() + place, "overtaken by a newer one");
+}
+
 // Per byte, halved with every half of the patience, and less to who has the keyframe already.
 double Outbox::usefulness(const Waiting& waiting, Time now) const {
   const Outgoing& out = waiting.out;
@@ -138,7 +147,8 @@ std::optional<Outgoing> Outbox::next(std::uint64_t wire_bytes, const Audience& a
     return std::nullopt;
   }
   Outgoing out = std::move(best->out);
-  waiting_.erase(best);
+  best = waiting_.erase(best);
+  if (out.kind == Kind::kRequest) drop_questions_before(best - waiting_.begin());
   const std::set<std::string> with_room = receivers_with_room(out, now);
   if (const std::size_t left_out = out.receivers.size() - with_room.size(); left_out > 0)
     dropped_[std::string(name_of(out.kind)) + " found no room in time"] += left_out;

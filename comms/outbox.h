@@ -3,10 +3,12 @@
 // What a drone wants to say and its radio has no room for yet. Token buckets say how much may go:
 // one for all that the drone puts on the wire, repair and discovery included, and one for the
 // answers to each peer. What brings a peer most per byte goes first; what has waited too long, or
-// has become the least useful of too many, is dropped and counted. So nothing is ever late by more
-// than the profile's patience. No DDS, no clock of its own; not thread-safe.
+// has become the least useful of too many, is dropped and counted; so is a question that a newer
+// one has overtaken. So nothing is ever late by more than the profile's patience. No DDS, no clock
+// of its own; not thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -75,6 +77,7 @@ class Outbox {
 
   void drop(const Place& place, const std::string& reason);
   void drop_late(Time now);
+  void drop_questions_before(std::ptrdiff_t place);
   [[nodiscard]] double usefulness(const Waiting& waiting, Time now) const;
   [[nodiscard]] std::set<std::string> receivers_with_room(const Outgoing& out, Time now);
   [[nodiscard]] bool may_go(const Outgoing& out, const Audience& audience, Time now);

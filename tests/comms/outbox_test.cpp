@@ -246,6 +246,50 @@ TEST(Outbox, AQuestionNeedsRoomForEveryPeerThatHearsIt) {
   EXPECT_TRUE(outbox.next(8'000, {1, 0}, at(0)));
 }
 
+std::vector<int> sent_marks(Outbox& outbox, std::uint64_t& wire_bytes, Outbox::Time now) {
+  std::vector<int> out;
+  while (const auto next = outbox.next(wire_bytes, kPeers, now)) {
+    wire_bytes += next->bytes.size() * kPeers.peers;
+    out.push_back(next->bytes[0]);
+  }
+  return out;
+}
+
+Outgoing question(std::uint8_t mark, std::size_t bytes) {
+  return {Kind::kRequest, {}, 0, 20, Bytes(bytes, mark)};
+}
+
+TEST(Outbox, AQuestionNeverLeavesAfterANewerOne) {
+  LoadProfile load = with_wide_links();
+  load.patience_ms = 500;
+  Outbox outbox(load);
+  std::uint64_t wire_bytes = 12'000;  // 2 kB are owed
+  EXPECT_FALSE(outbox.next(wire_bytes, kPeers, at(0)));
+  outbox.offer(question(1, 1200), at(0));
+  EXPECT_THAT(sent_marks(outbox, wire_bytes, at(340)), ElementsAre());
+  outbox.offer(question(2, 100), at(350));
+  std::vector<int> marks;
+  for (int time_ms = 350; time_ms < 1000; time_ms += 10) {
+    const std::vector<int> sent = sent_marks(outbox, wire_bytes, at(time_ms));
+    marks.insert(marks.end(), sent.begin(), sent.end());
+  }
+  EXPECT_THAT(marks, ElementsAre(2));
+  EXPECT_THAT(outbox.dropped(), ElementsAre(Pair("request overtaken by a newer one", 1)));
+}
+
+TEST(Outbox, QuestionsThatAllFindRoomAllLeaveInTheOrderOfOffering) {
+  Outbox outbox(with_wide_links());
+  std::uint64_t wire_bytes = 0;
+  std::vector<int> marks;
+  for (const auto& [mark, bytes] : {std::pair(1, 1200), std::pair(2, 100), std::pair(3, 600)}) {
+    outbox.offer(question(static_cast<std::uint8_t>(mark), bytes), at(mark));
+    const std::vector<int> sent = sent_marks(outbox, wire_bytes, at(mark));
+    marks.insert(marks.end(), sent.begin(), sent.end());
+  }
+  EXPECT_THAT(marks, ElementsAre(1, 2, 3));
+  EXPECT_THAT(outbox.dropped(), ElementsAre());
+}
+
 TEST(Outbox, OnlyTheNewestOdometryWaits) {
   Outbox outbox(narrow());
   EXPECT_FALSE(outbox.next(10'000, kPeers, at(0)));
