@@ -10,6 +10,12 @@ namespace {
 constexpr std::size_t kMaxNames = 300;
 constexpr char kOthers[] = "others";
 
+template <typename Value>
+Value& value_of(const std::string& name, std::map<std::string, Value>& values) {
+  const bool room = values.size() < kMaxNames || values.count(name) > 0;
+  return values[room ? name : kOthers];
+}
+
 void add(KindStatistics& sum, const KindStatistics& more) {
   sum.sent += more.sent;
   sum.received += more.received;
@@ -22,13 +28,14 @@ void add(std::uint64_t& sum, std::uint64_t more) { sum += more; }
 
 template <typename Value>
 void add(std::map<std::string, Value>& sum, const std::map<std::string, Value>& more) {
-  for (const auto& [name, value] : more) {
-    const bool room = sum.size() < kMaxNames || sum.count(name) > 0;
-    add(sum[room ? name : kOthers], value);
-  }
+  for (const auto& [name, value] : more) add(value_of(name, sum), value);
 }
 
 }  // namespace
+
+void count_one(const std::string& name, std::map<std::string, std::uint64_t>* counts) {
+  ++value_of(name, *counts);
+}
 
 LinkStatistics sum(LinkStatistics before, const LinkStatistics& now) {
   add(before.request, now.request);

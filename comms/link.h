@@ -72,9 +72,11 @@ struct LinkStatistics {
   std::uint64_t process_own_kib = 0;   // its own (anonymous) memory, now; not summed, not told
 };
 
-// Of a link that was started anew: what the lives before and the present one add up to. Peaks are
-// the higher one, the last error and each clock are the later ones. Names beyond a few hundred
-// count together, as "others".
+// Names come from the network: those beyond a few hundred count together, as "others".
+void count_one(const std::string& name, std::map<std::string, std::uint64_t>* counts);
+
+// Of a link that was started anew: what the lives before and the present one add up to, names as
+// above. Peaks are the higher one, the last error and each clock are the later ones.
 [[nodiscard]] LinkStatistics sum(LinkStatistics before, const LinkStatistics& now);
 
 // How many samples of a kind have arrived since the start, accepted or rejected.

@@ -274,7 +274,7 @@ void LinkState::count_sent(Kind kind, std::size_t bytes) {
 
 void LinkState::count_message_to(const std::string& receiver) {
   const std::lock_guard lock(mutex_);
-  ++statistics_.messages_sent_to[receiver];
+  count_one(receiver, &statistics_.messages_sent_to);
 }
 
 void LinkState::count_refused(Kind kind, const std::string& reason) {

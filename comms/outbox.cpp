@@ -5,10 +5,15 @@
 #include <cmath>
 #include <utility>
 
+#include "comms/checks.h"
+
 namespace covey {
 namespace {
 
 constexpr std::size_t kMaxWaiting = 64;
+// Names come from the network, and any number of them may come and go. More than there are drones
+// to be answered at once: who is forgotten has been sent nothing for long.
+constexpr std::size_t kMaxReceivers = 2 * kMaxHears;
 constexpr std::size_t kMaxHeld = 64;     // keyframes remembered per peer
 constexpr double kGoodDepthSigma = 0.1;  // relative; a landmark's depth this good counts half
 constexpr double kRequestWorth = 20;     // half of a usual answer, which it may bring
@@ -35,6 +40,11 @@ const char* name_of(Kind kind) {
 
 double cost(const Outgoing& out) {
   return static_cast<double>(out.bytes.size()) + kDatagramOverheadBytes;
+}
+
+void remember(std::uint64_t keyframe_id, std::deque<std::uint64_t>* held) {
+  held->push_back(keyframe_id);
+  if (held->size() > kMaxHeld) held->pop_front();
 }
 
 std::size_t copies_for_all(Kind kind, const Audience& audience) {
@@ -121,7 +131,7 @@ double Outbox::usefulness(const Waiting& waiting, Time now) const {
 std::set<std::string> Outbox::receivers_with_room(const Outgoing& out, Time now) {
   std::set<std::string> with_room;
   for (const std::string& peer : out.receivers)
-    if (bucket_of(peer).has(cost(out), now)) with_room.insert(peer);
+    if (link_has_room(peer, cost(out), now)) with_room.insert(peer);
   return with_room;
 }
 
@@ -178,29 +188,36 @@ void Outbox::spend_drone(double wire_bytes, Time now) {
 // The drone's own budget pays when next() hears of it.
 void Outbox::spend(const Outgoing& out, std::size_t copies, Time now) {
   if (copies > 0) unpaid_.push_back({cost(out) * static_cast<double>(copies), now});
-  for (const std::string& peer : out.receivers) bucket_of(peer).spend(cost(out), now);
-  if (out.keyframe_id != 0) remember(out.receivers, out.keyframe_id);
+  for (const std::string& peer : out.receivers) {
+    Receiver& receiver = receiver_named(peer, now);
+    receiver.link.spend(cost(out), now);
+    if (out.keyframe_id != 0) remember(out.keyframe_id, &receiver.held);
+  }
 }
 
-TokenBucket& Outbox::bucket_of(const std::string& peer) {
-  return links_
-      .try_emplace(peer, static_cast<double>(load_.link_bytes_per_s),
-                   static_cast<double>(load_.link_burst_bytes))
-      .first->second;
+// Who was sent nothing yet, or is forgotten, has a full bucket, which has room for anything.
+bool Outbox::link_has_room(const std::string& peer, double bytes, Time now) {
+  const auto known = receivers_.find(peer);
+  return known == receivers_.end() || known->second.link.has(bytes, now);
+}
+
+Outbox::Receiver& Outbox::receiver_named(const std::string& peer, Time now) {
+  if (receivers_.size() >= kMaxReceivers && receivers_.count(peer) == 0)
+    receivers_.erase(std::min_element(
+        receivers_.begin(), receivers_.end(),
+        [](const auto& a, const auto& b) { return a.second.last_sent < b.second.last_sent; }));
+  Receiver fresh{
+      {static_cast<double>(load_.link_bytes_per_s), static_cast<double>(load_.link_burst_bytes)}};
+  Receiver& receiver = receivers_.try_emplace(peer, std::move(fresh)).first->second;
+  receiver.last_sent = now;
+  return receiver;
 }
 
 bool Outbox::holds(const std::string& peer, std::uint64_t keyframe_id) const {
-  const auto held = held_.find(peer);
-  return held != held_.end() &&
-         std::find(held->second.begin(), held->second.end(), keyframe_id) != held->second.end();
-}
-
-void Outbox::remember(const std::set<std::string>& peers, std::uint64_t keyframe_id) {
-  for (const std::string& peer : peers) {
-    std::deque<std::uint64_t>& held = held_[peer];
-    held.push_back(keyframe_id);
-    if (held.size() > kMaxHeld) held.pop_front();
-  }
+  const auto known = receivers_.find(peer);
+  if (known == receivers_.end()) return false;
+  const std::deque<std::uint64_t>& held = known->second.held;
+  return std::find(held.begin(), held.end(), keyframe_id) != held.end();
 }
 
 }  // namespace covey

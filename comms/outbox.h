@@ -5,7 +5,7 @@
 // answers to each peer. What brings a peer most per byte goes first; what has waited too long, or
 // has become the least useful of too many, is dropped and counted; so is a question that a newer
 // one has overtaken. So nothing is ever late by more than the profile's patience. No DDS, no clock
-// of its own; not thread-safe.
+// of its own; not thread-safe. However many names peers have had, only the latest are remembered.
 #pragma once
 
 #include <cstddef>
@@ -68,6 +68,11 @@ class Outbox {
     Time since;
     bool found_no_room = false;  // when it was looked for
   };
+  struct Receiver {
+    TokenBucket link;
+    std::deque<std::uint64_t> held{};  // keyframes that it was sent
+    Time last_sent{};
+  };
   using Place = std::deque<Waiting>::iterator;
   // Let go, and not on the wire yet.
   struct Unpaid {
@@ -81,9 +86,9 @@ class Outbox {
   [[nodiscard]] double usefulness(const Waiting& waiting, Time now) const;
   [[nodiscard]] std::set<std::string> receivers_with_room(const Outgoing& out, Time now);
   [[nodiscard]] bool may_go(const Outgoing& out, const Audience& audience, Time now);
-  TokenBucket& bucket_of(const std::string& peer);
+  [[nodiscard]] bool link_has_room(const std::string& peer, double bytes, Time now);
+  Receiver& receiver_named(const std::string& peer, Time now);
   [[nodiscard]] bool holds(const std::string& peer, std::uint64_t keyframe_id) const;
-  void remember(const std::set<std::string>& peers, std::uint64_t keyframe_id);
   void spend(const Outgoing& out, std::size_t copies, Time now);
   [[nodiscard]] double pay(double wire_bytes, Time now);
   void spend_drone(double wire_bytes, Time now);
@@ -92,10 +97,9 @@ class Outbox {
   const bool unlimited_;
   TokenBucket drone_;
   std::uint64_t wire_bytes_ = 0;
-  std::deque<Unpaid> unpaid_;  // the oldest first
-  std::map<std::string, TokenBucket> links_;
-  std::map<std::string, std::deque<std::uint64_t>> held_;  // keyframes that a peer was sent
-  std::deque<Waiting> waiting_;                            // in the order of offering
+  std::deque<Unpaid> unpaid_;                  // the oldest first
+  std::map<std::string, Receiver> receivers_;  // by name, those who were sent something lately
+  std::deque<Waiting> waiting_;                // in the order of offering
   std::map<std::string, std::uint64_t> dropped_;
 };
 

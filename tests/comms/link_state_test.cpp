@@ -68,6 +68,16 @@ TEST(LinkState, RejectionsAreCountedByPeerAndReason) {
   EXPECT_EQ(state.arrived().messages, 2u);
 }
 
+TEST(LinkState, MessagesToThousandsOfNamesAreCountedUnderAFewHundred) {
+  LinkState state("uav0", 8);
+  for (int i = 0; i < 3000; ++i) state.count_message_to("uav" + std::to_string(i));
+  state.count_message_to("uav7");
+  const auto sent_to = state.statistics().messages_sent_to;
+  ASSERT_EQ(sent_to.size(), 301u);
+  EXPECT_EQ(sent_to.at("uav7"), 2u);
+  EXPECT_EQ(sent_to.at("others"), 2700u);
+}
+
 TEST(LinkState, AWholeFilterIsForThisDroneOrForAll) {
   LinkState state("uav0", 8);
   state.receive(Kind::kFullMessage, encode(samples::full_keyframe("uav1", "uav0")), uav1_id());

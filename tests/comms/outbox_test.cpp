@@ -210,6 +210,29 @@ TEST(Outbox, OneFullLinkDoesNotStarveTheOthers) {
   EXPECT_THAT(sent_keyframes(outbox, wire_bytes, at(0)), UnorderedElementsAre(2, 3, 9));
 }
 
+// Of two messages to it, one with a keyframe that it was sent before: which one goes first?
+std::uint64_t first_sent_to(const std::string& peer, Outbox& outbox, Outbox::Time now) {
+  outbox.offer(message(peer, 1, 40), now);
+  outbox.offer(message(peer, 2, 20), now);
+  std::uint64_t wire_bytes = 0;
+  return sent_keyframes(outbox, wire_bytes, now).at(0);
+}
+
+TEST(Outbox, OfThousandsOfNamesOnlyThoseLatelySentToAreRemembered) {
+  LoadProfile load;
+  load.drone_bytes_per_s = load.link_bytes_per_s = 0;
+  Outbox outbox(load);
+  std::uint64_t wire_bytes = 0;
+  outbox.offer(message("stays away", 1, 40), at(0));
+  for (int i = 0; i < 3000; ++i) {
+    outbox.offer(message("uav" + std::to_string(i), 9, 40), at(i));
+    if (i % 50 == 0) outbox.offer(message("comes back", 1, 40), at(i));
+    sent_keyframes(outbox, wire_bytes, at(i));
+  }
+  EXPECT_EQ(first_sent_to("comes back", outbox, at(3000)), 2u);
+  EXPECT_EQ(first_sent_to("stays away", outbox, at(3000)), 1u);
+}
+
 TEST(Outbox, WithoutPatienceGoesWhatFindsRoomAtOnce) {
   LoadProfile load = with_wide_links();
   load.patience_ms = 0;
