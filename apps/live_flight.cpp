@@ -107,6 +107,11 @@ class LiveSensors {
       complaints_.tell("silent imu", "no sample on " + config_.imu_topic + where);
     warn_of_stamps(config_.image_topic, counts.image_stamps, image_stamps_);
     warn_of_stamps(config_.imu_topic, counts.imu_stamps, imu_stamps_);
+    if (counts.imu_dropped > imu_dropped_)
+      complaints_.tell("dropped imu", config_.imu_topic +
+                                          ": too many samples wait to be flown, the oldest are " +
+                                          "dropped: " + so_far(counts.imu_dropped));
+    imu_dropped_ = counts.imu_dropped;
     if (counts.refused > refused_) complaints_.tell("refused", counts.last_refusal);
     refused_ = counts.refused;
     if (counts.malformed_packets > malformed_packets_)
@@ -167,7 +172,7 @@ class LiveSensors {
   Silence camera_silence_, imu_silence_;
   SensorClocks clocks_;
   StampCounts image_stamps_, imu_stamps_;  // that were told
-  std::uint64_t refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
+  std::uint64_t imu_dropped_ = 0, refused_ = 0, malformed_packets_ = 0, unusable_ = 0;
 };
 
 // The world that all drones share, or this one's.

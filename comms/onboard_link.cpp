@@ -47,7 +47,7 @@ class OnboardLink::Impl {
   StampOrder<CameraImage> image_order_;
   StampOrder<ImuSample> imu_order_;
   std::deque<CameraImage> images_;
-  std::vector<ImuSample> imu_;
+  std::deque<ImuSample> imu_;
   TimeNs newest_imu_ns_ = 0;
   OnboardCounts counts_;
 
@@ -101,21 +101,17 @@ void OnboardLink::Impl::receive_image(const Bytes& bytes) {
 }
 
 void OnboardLink::Impl::receive_imu(const Bytes& bytes) {
-  constexpr std::size_t kMostWaiting = 20'000;  // nobody takes them for 20 s, at 1 kHz
   const Decoded<ImuSample> decoded =
       config_.imu_message == ImuMessage::kPx4 ? decode_px4_imu(bytes) : decode_imu(bytes);
   const std::lock_guard lock(mutex_);
   if (const auto* rejected = std::get_if<Rejected>(&decoded))
     return refuse(config_.imu_topic, rejected->reason);
   ++counts_.imu_samples;
-  if (imu_.size() >= kMostWaiting) {
-    counts_.imu_dropped += imu_.size();
-    imu_.clear();
-  }
   for (const ImuSample& sample : imu_order_.add(std::get<ImuSample>(decoded))) {
     imu_.push_back(sample);
     newest_imu_ns_ = sample.stamp_ns;
   }
+  for (; imu_.size() > config_.imu_queue; ++counts_.imu_dropped) imu_.pop_front();
   came_.notify_all();
 }
 
@@ -129,7 +125,9 @@ std::optional<CameraImage> OnboardLink::Impl::next_image(std::chrono::millisecon
 
 std::vector<ImuSample> OnboardLink::Impl::take_imu() {
   const std::lock_guard lock(mutex_);
-  return std::exchange(imu_, {});
+  std::vector<ImuSample> samples(imu_.begin(), imu_.end());
+  imu_.clear();
+  return samples;
 }
 
 bool OnboardLink::Impl::wait_for_imu(TimeNs stamp_ns, std::chrono::milliseconds patience) {

@@ -47,6 +47,7 @@ struct OnboardConfig {
   // R_body_imu = Rz(yaw) Ry(pitch) Rx(roll).
   Eigen::Vector3d imu_mount_rpy = Eigen::Vector3d::Zero();
   std::size_t image_queue = 4;
+  std::size_t imu_queue = 20'000;  // nobody takes them for 20 s, at 1 kHz
 };
 
 // Since the start.

@@ -293,6 +293,19 @@ TEST_F(LiveFlight, WhatIsWrongWithItsSettingsIsSaidBeforeAnyImageComes) {
   EXPECT_THAT(drone.output(), HasSubstr("192.0.2.77"));
 }
 
+TEST_F(LiveFlight, SamplesThatAreDroppedWhileNoImageComesAreTold) {
+  const std::string config = config_file(settings("live"));
+  CoveyProcess drone({"agent", "--config", config});
+  ASSERT_TRUE(drone.wait_for("listens to")) << drone.output();
+  const OnboardConfig onboard = read_config(config).onboard;
+  SensorPlayer player(onboard);
+  while (!player.is_heard()) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const auto more = static_cast<TimeNs>(onboard.imu_queue) + 100;
+  for (TimeNs i = 0; i < more; ++i)
+    player.play(ImuSample{nanoseconds(1) + i * 1'000'000, {0, 0, 0}, {0, 0, 9.81}});
+  EXPECT_TRUE(drone.wait_for("imu/data_raw: too many samples wait to be flown")) << drone.output();
+}
+
 // Its sensor.yaml does not say that the camera is a thermal one.
 TEST_F(LiveFlight, ImagesOf16BitsAreFlownAsAThermalCameras) {
   const OnboardConfig onboard = read_config(config_file(settings("live"))).onboard;

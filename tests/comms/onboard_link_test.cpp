@@ -115,6 +115,21 @@ TEST(OnboardLink, OfImagesThatWaitTheOldestIsDropped) {
   EXPECT_FALSE(drone.next_image(milliseconds(1)));
 }
 
+TEST(OnboardLink, OfSamplesThatWaitTheOldestIsDropped) {
+  OnboardConfig config = onboard_config();
+  config.imu_queue = 3;
+  OnboardLink drone(config, "world", "imu");
+  SensorPlayer player(config);
+  ASSERT_TRUE(eventually([&] { return player.is_heard(); }));
+  play_imu(player, {1000, 2000, 3000, 4000, 5000});
+  ASSERT_TRUE(drone.wait_for_imu(4999, kPatience));
+  EXPECT_EQ(drone.counts().imu_dropped, 2U);
+  const std::vector<ImuSample> samples = drone.take_imu();
+  ASSERT_EQ(samples.size(), 3U);
+  EXPECT_EQ(samples.front().stamp_ns, 3000);
+  EXPECT_EQ(samples.back().stamp_ns, 5000);
+}
+
 TEST(OnboardLink, OneWrongStampOfASensorCostsThatSampleAlone) {
   constexpr TimeNs kFarAhead_ns = 1'000'000'000'000'000'000;
   OnboardLink drone(onboard_config(), "world", "imu");
