@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -22,14 +23,23 @@ namespace ros_nav = nav_msgs::msg::dds_;
 namespace px4 = px4_msgs::msg::dds_;
 
 constexpr TimeNs kSecond_ns = 1'000'000'000;
+// ROS 2 counts seconds in 32 bits: until January 2038.
+constexpr TimeNs kRosEnd_ns = (TimeNs{std::numeric_limits<std::int32_t>::max()} + 1) * kSecond_ns;
 constexpr std::uint32_t kMaxSide = 16384;  // pixels
 
+// 0, which nobody stamps with, for what ROS 2 cannot say.
 ros_std::Header_ header(TimeNs stamp_ns, const std::string& frame) {
+  const TimeNs told_ns = stamp_ns >= 0 && stamp_ns < kRosEnd_ns ? stamp_ns : 0;
   ros_std::Header_ out;
-  out.stamp().sec(static_cast<std::int32_t>(stamp_ns / kSecond_ns));
-  out.stamp().nanosec(static_cast<std::uint32_t>(stamp_ns % kSecond_ns));
+  out.stamp().sec(static_cast<std::int32_t>(told_ns / kSecond_ns));
+  out.stamp().nanosec(static_cast<std::uint32_t>(told_ns % kSecond_ns));
   out.frame_id(frame);
   return out;
+}
+
+// PX4 counts microseconds; 0 for what is no stamp.
+std::uint64_t px4_time(TimeNs stamp_ns) {
+  return static_cast<std::uint64_t>(std::max<TimeNs>(stamp_ns, 0) / 1000);
 }
 
 // 0, which nobody stamps with, for what is none.
@@ -182,7 +192,7 @@ Decoded<ImuSample> decode_imu(const Bytes& bytes) {
 
 Bytes encode_px4_imu(const ImuSample& sample) {
   px4::SensorCombined_ out;
-  out.timestamp(static_cast<std::uint64_t>(sample.stamp_ns / 1000));
+  out.timestamp(px4_time(sample.stamp_ns));
   out.gyro_rad(floats(flipped(sample.gyro_imu)));
   out.accelerometer_m_s2(floats(flipped(sample.accel_imu)));
   return to_cdr(out);
@@ -227,7 +237,7 @@ Bytes encode_px4_odometry(const BodyMotion& motion, const Eigen::Quaterniond& q_
   const Eigen::Matrix3d attitude_covariance =
       R_body_imu * odometry.pose_covariance.bottomRightCorner<3, 3>() * R_body_imu.transpose();
   px4::VehicleOdometry_ out;
-  out.timestamp(static_cast<std::uint64_t>(odometry.stamp_ns / 1000));
+  out.timestamp(px4_time(odometry.stamp_ns));
   out.timestamp_sample(out.timestamp());
   out.pose_frame(kForwardRightDown);
   out.position(floats(flipped(odometry.pose.p_world_imu)));

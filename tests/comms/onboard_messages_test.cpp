@@ -271,6 +271,26 @@ TEST(OnboardMessages, StampsThatAreNoneAreRefused) {
   EXPECT_EQ(reason(decode_image(before_1970)), "no valid stamp");
 }
 
+TEST(OnboardMessages, AStampThatCannotBeSaidIsSaidToBeNone) {
+  constexpr TimeNs kRosEnd_ns = 2'147'483'648'000'000'000;  // January 2038
+  ImuSample sample{kRosEnd_ns - 1, {0.1, -0.2, 0.3}, {1, 2, -9.81}};
+  const auto latest = decode_imu(encode(sample));
+  ASSERT_EQ(reason(latest), "accepted");
+  EXPECT_EQ(std::get<ImuSample>(latest).stamp_ns, sample.stamp_ns);
+  // Cut to 32 bits the third would be 7 ns after 1970 began.
+  for (const TimeNs none : {TimeNs{-1}, kRosEnd_ns, 2 * kRosEnd_ns + 7, -2 * kRosEnd_ns + 7}) {
+    sample.stamp_ns = none;
+    EXPECT_EQ(reason(decode_imu(encode(sample))), "no valid stamp") << none;
+  }
+  sample.stamp_ns = -5000;
+  EXPECT_EQ(reason(decode_px4_imu(encode_px4_imu(sample))), "no valid stamp");
+  BodyMotion before;
+  before.odometry.stamp_ns = -5000;
+  before.odometry.pose.q_world_imu.setIdentity();
+  const Bytes told = encode_px4_odometry(before, Eigen::Quaterniond::Identity());
+  EXPECT_EQ(read<Px4Odometry>(told).timestamp(), 0U);
+}
+
 TEST(OnboardMessages, AnImuSampleThatIsNotFiniteIsRefused) {
   EXPECT_EQ(reason(decode_imu(imu_bytes(std::numeric_limits<double>::quiet_NaN()))),
             "value not finite");
