@@ -87,7 +87,8 @@ std::string allocation(const dds::ParticipantResourceLimitsQos& limits) {
 
 std::string transport(const UDPv4TransportDescriptor& udp) {
   std::string interfaces;
-  for (const std::string& address : udp.interfaceWhiteList) interfaces += tag("address", address);
+  for (const std::string& address : udp.interfaceWhiteList)
+    interfaces += tag("address", escaped(address));
   if (!interfaces.empty()) interfaces = tag("interfaceWhiteList", interfaces);
   return tag("transport_descriptor",
              "\n" + tag("transport_id", "covey_udp") + tag("type", "UDPv4") +
@@ -100,7 +101,8 @@ std::string transport(const UDPv4TransportDescriptor& udp) {
 std::string properties(const dds::PropertyPolicyQos& qos) {
   std::string out;
   for (const auto& property : qos.properties())
-    out += tag("property", tag("name", property.name()) + tag("value", property.value()));
+    out += tag("property",
+               tag("name", escaped(property.name())) + tag("value", escaped(property.value())));
   return out.empty() ? "" : tag("propertiesPolicy", tag("properties", "\n" + out));
 }
 
@@ -112,7 +114,7 @@ std::string participant(const LinkConfig& config, const dds::DomainParticipantQo
   return tag(
       "participant profile_name=\"covey\"",
       "\n" + number("domainId", config.domain) +
-          tag("rtps", "\n" + tag("name", qos.name().to_string()) +
+          tag("rtps", "\n" + tag("name", escaped(qos.name().to_string())) +
                           tag("userTransports", tag("transport_id", "covey_udp")) +
                           flag("useBuiltinTransports", false) +
                           locators("defaultUnicastLocatorList", wire.default_unicast_locator_list) +

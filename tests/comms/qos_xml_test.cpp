@@ -10,9 +10,11 @@
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <filesystem>
 #include <memory>
 
 #include "comms/qos.h"
+#include "tests/apps/temporary_folder.h"
 #include "tests/comms/secure_team.h"
 
 namespace covey {
@@ -100,7 +102,11 @@ class LoadedXml {
 // Profiles of one process are known by name for good: one test for all.
 TEST(QosXml, FastDdsReadsBackWhatALinkUses) {
   const SecureTeam team({"uav0"});
-  const LinkConfig config = unusual_config(team.config("uav0"));
+  LinkConfig config = unusual_config(team.config("uav0"));
+  const TemporaryFolder folder;
+  const auto keys = folder.path() / "R&D's <keys> \"1\"";  // marks of XML: paths may hold them
+  std::filesystem::copy(config.security, keys, std::filesystem::copy_options::recursive);
+  config.security = keys;
   const LoadedXml xml(config);
   ASSERT_TRUE(xml.loaded());
   const std::pair<const char*, Kind> topics[] = {{"request", Kind::kRequest},
