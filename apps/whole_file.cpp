@@ -4,10 +4,11 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstddef>
 #include <fstream>
-#include <sstream>
 #include <stdexcept>
 #include <system_error>
+#include <vector>
 
 namespace covey {
 namespace {
@@ -46,14 +47,19 @@ std::string read_whole_file(const fs::path& file) {
   std::error_code ignored;
   if (fs::is_directory(file, ignored))
     throw std::runtime_error(file.string() + ": cannot be read: it is a folder");
-  const std::ifstream stream(file, std::ios::binary);
+  std::ifstream stream(file, std::ios::binary);
   if (!stream) {
     throw std::runtime_error(file.string() + ": cannot be read: " +
                              (errno == ENOENT ? "is the path right?" : error_text()));
   }
-  std::ostringstream content;
-  content << stream.rdbuf();
-  return content.str();
+  std::string content;
+  std::vector<char> block(std::size_t{1} << 16);
+  while (stream) {  // its end fails it as well, but only an error makes it bad
+    stream.read(block.data(), static_cast<std::streamsize>(block.size()));
+    content.append(block.data(), static_cast<std::size_t>(stream.gcount()));
+  }
+  if (stream.bad()) throw std::runtime_error(file.string() + ": cannot be read: " + error_text());
+  return content;
 }
 
 void require_writable(const fs::path& file) {

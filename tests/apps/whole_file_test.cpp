@@ -38,6 +38,15 @@ TEST(WholeFile, WhyItCannotBeReadIsSaid) {
   expect(folder.path(), "it is a folder");
   expect(file / "below", "Not a directory");
   expect(circle, "Too many levels of symbolic links");
+  expect("/proc/self/mem", "Input/output error");  // it can be opened, its first byte not read
+}
+
+TEST(WholeFile, AnEmptyOneAndOneOfManyBlocksAreReadAsTheyAre) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(read_whole_file(folder.write("empty", "")), "");
+  std::string long_one(300'000, 'x');
+  long_one.back() = 'y';
+  EXPECT_EQ(read_whole_file(folder.write("long", long_one)), long_one);
 }
 
 TEST(WholeFile, WhyItCouldNotBeWrittenIsSaidBeforeTheWork) {
