@@ -383,6 +383,7 @@ TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
     (void)one.pipeline().fuse(*answer);
   }
   EXPECT_GT(asked, 0);
+  EXPECT_GT(answered, 0);
   EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
   EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
   EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
@@ -546,15 +547,24 @@ TEST(Pipeline, TakesTheVocabularyThatItIsTold) {
   EXPECT_THAT(complaint_about("no/such/words.txt"), ::testing::HasSubstr("no/such/words.txt"));
 }
 
+// Where the honest answer, which comes right after it, is taken.
 TEST(Pipeline, AHostileMessageIsRejected) {
-  Drone drone("uav0", FlightMode::kCollaborative);
-  (void)drone.fly(0);
-  PeerKeyframe message;
-  message.sender = "uav1";
-  message.receiver = "uav0";
-  message.landmarks.resize(3);
-  message.landmarks[0].inverse_depth = std::nan("");
-  EXPECT_EQ(drone.pipeline().fuse(message).outcome, PeerOutcome::kRejected);
+  const KeyframeRule each{0, 0, 0};
+  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
+  Drone other("uav1", FlightMode::kCollaborative);
+  int fused = 0;
+  for (std::size_t i = 0; i < one.images(); ++i) {
+    const ImageResult mine = one.fly(i);
+    (void)other.fly(i);
+    if (!mine.advert) continue;
+    const auto answer = other.pipeline().answer(*mine.advert);
+    if (!answer) continue;
+    PeerKeyframe hostile = *answer;
+    hostile.landmarks.front().inverse_depth = std::nan("");
+    EXPECT_EQ(one.pipeline().fuse(hostile).outcome, PeerOutcome::kRejected);
+    if (one.pipeline().fuse(*answer).outcome == PeerOutcome::kFused) ++fused;
+  }
+  EXPECT_GT(fused, 0);
 }
 
 }  // namespace
