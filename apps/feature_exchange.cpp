@@ -85,7 +85,6 @@ void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe)
                            1,
                            {},
                            std::vector<std::uint8_t>(corners * kCompactBytes)};
-  ++self.traffic.questions;
   self.traffic.advert_bytes += encode(advert).size();
 }
 
@@ -237,7 +236,6 @@ std::optional<FeatureExchange::Sight> FeatureExchange::send(std::size_t receiver
   }
   const std::optional<PeerKeyframe> arrived = deliver(sight.drone, std::move(message));
   if (!arrived) return std::nullopt;
-  ++drones_[sight.drone].traffic.answers;
   Sight received = sight;
   received.pose = arrived->pose;
   received.before = arrived->before;

@@ -41,9 +41,7 @@ struct FeatureExchangeConfig {
 };
 
 struct Traffic {
-  int questions = 0;  // asked, of all peers at once
-  int answers = 0;    // sent
-  std::size_t advert_bytes = 0;
+  std::size_t advert_bytes = 0;  // of questions, each counted once
   std::size_t answer_bytes = 0;  // and what came of others'
 };
 

@@ -224,7 +224,7 @@ bool fly_until_stopped(Agent& agent, OnboardLink& link, LiveSensors& sensors,
     agent.handle_messages();
     agent.set_dropped(sensors.dropped());
     if (covered) {
-      agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // the tracker keeps it
+      agent.fly(image->stamp_ns, pixels_of(*image).clone(), 0);  // a thermal one is kept
       warn_of_wait(agent, time.flown_s(), complaints);
       image.reset();
     } else if (image && sensors.gives_up_waiting()) {
