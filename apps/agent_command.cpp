@@ -33,8 +33,7 @@ AgentConfig configuration(const Options& options) {
     config.agent.wait_for_peers = options.team_of - 1;
     config.link.max_agents = std::max(config.link.max_agents, options.team_of);
   }
-  if (options.thermal == "raw") config.thermal.mode = ThermalMode::kRaw;
-  if (options.thermal == "calibrated") config.thermal.mode = ThermalMode::kCalibrated;
+  config.thermal.mode = thermal_mode_from_name(options.thermal).value_or(config.thermal.mode);
   return config;
 }
 

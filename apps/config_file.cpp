@@ -97,8 +97,19 @@ DriftConfig drift_config(const FusionConfig& fusion, bool has_truth) {
   return drift;
 }
 
-bool is_calibrated(ThermalMode mode, bool thermal) {
-  return mode == ThermalMode::kCalibrated || (mode == ThermalMode::kAuto && thermal);
+std::optional<ThermalMode> thermal_mode_from_name(const std::string& name) {
+  if (name == "auto") return ThermalMode::kAuto;
+  if (name == "raw") return ThermalMode::kRaw;
+  if (name == "calibrated") return ThermalMode::kCalibrated;
+  return std::nullopt;
+}
+
+bool is_thermal_camera(ThermalMode mode, bool named) {
+  return named || mode == ThermalMode::kCalibrated;
+}
+
+bool is_calibrated(ThermalMode mode, bool named) {
+  return mode != ThermalMode::kRaw && is_thermal_camera(mode, named);
 }
 
 AgentConfig read_config(const std::filesystem::path& file) {

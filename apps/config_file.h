@@ -91,10 +91,12 @@ struct FusionConfig {
 enum class ThermalMode {
   kAuto,        // calibrated when the camera is a thermal one, by sensor.yaml or 16-bit images
   kRaw,         // images as they are; 16-bit ones stretched to what each holds
-  kCalibrated,  // whatever the camera is
+  kCalibrated,  // the camera is a thermal one, whatever sensor.yaml says
 };
-// Whether the images of a camera are, that is a thermal one or not.
-[[nodiscard]] bool is_calibrated(ThermalMode mode, bool thermal);
+[[nodiscard]] std::optional<ThermalMode> thermal_mode_from_name(const std::string& name);
+// `named`: by sensor.yaml or 16-bit images.
+[[nodiscard]] bool is_thermal_camera(ThermalMode mode, bool named);
+[[nodiscard]] bool is_calibrated(ThermalMode mode, bool named);
 
 struct ThermalConfig {
   ThermalMode mode = ThermalMode::kAuto;

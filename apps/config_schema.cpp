@@ -53,7 +53,8 @@ void visit_initialisation(InitialisationConfig& start, ConfigVisitor& v) {
 
 void visit_thermal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.option("mode", thermal.mode, {"auto", "raw", "calibrated"},
-           "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits");
+           "photometric calibration; auto: for thermal cameras, known by sensor.yaml or 16 bits; "
+           "calibrated: the camera is a thermal one, whatever those say");
   v.number("time_constant_s", thermal.time_constant_s, {0, 0.1},
            "[s] by which thermal images lag their stamps, unless sensor.yaml says; 0: not at all");
   v.number("pixel_lag_s", thermal.pixel_lag.time_constant_s, {0, 0.05},

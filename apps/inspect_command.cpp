@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::string dataset, out, drone, config_file;
+  std::string dataset, out, drone, config_file, thermal;
   InspectionConfig inspection;
   bool force = false;
 };
@@ -56,6 +56,8 @@ void inspect(Options options) {
   if (!options.config_file.empty()) {
     options.inspection.agent = read_config(options.config_file);
   }
+  ThermalMode& mode = options.inspection.agent.thermal.mode;
+  mode = thermal_mode_from_name(options.thermal).value_or(mode);
   const DroneFolder drone = chosen_drone(options);
   catch_stop_signals();
   StagedFolder folder(options.out, options.force ? is_inspect_report : nullptr);
@@ -97,6 +99,11 @@ void add_inspect_command(CLI::App& covey) {
       ->check(CLI::Range(1, 100));
   command->add_option("--config", options->config_file, "Settings, as covey agent reads them")
       ->type_name("FILE");
+  command
+      ->add_option("--thermal", options->thermal,
+                   "Only images as they are, or both those and calibrated ones, whatever "
+                   "sensor.yaml says (default: as in FILE, else both of thermal cameras)")
+      ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_flag("--force", options->force, "Replace a report that is there");
   command->callback([options] { inspect(*options); });
 }

@@ -323,7 +323,7 @@ nlohmann::json inspect_summary(const InspectReport& report) {
                {"drone", report.drone},
                {"images", inspection.dataset.images.size()},
                {"left_out", inspection.left_out},
-               {"thermal", inspection.calibrated.has_value()},
+               {"thermal", inspection.dataset.thermal},
                {"raw", to_json(inspection.raw, inspection.dataset)},
                {"calibrated", Json()},
                {"patch_residual", Json()},

@@ -11,7 +11,8 @@
 //   gain_offset.svg       what was found out about automatic gain, with the truth where it is known
 //   field.png             the additive field at the end, and the true one where it is known
 //
-// Of a visual camera there is no calibration: before_after, gain_offset and field are missing.
+// Of a visual camera, and of raw images only, there is no calibration: before_after, gain_offset
+// and field are missing.
 #pragma once
 
 #include <filesystem>

@@ -205,11 +205,14 @@ Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& conf
                           const OnImage& show) {
   Inspection inspection;
   inspection.dataset = read_recording(drone.mav0);
+  // So that raw images are flown with the same settings as calibrated ones.
+  inspection.dataset.thermal =
+      is_thermal_camera(config.agent.thermal.mode, inspection.dataset.thermal);
   const Dataset& dataset = inspection.dataset;
   const bool has_truth = dataset.ground_truth.has_value();
   Observer raw(alone(config.agent, ThermalMode::kRaw, has_truth), dataset);
   std::optional<Observer> calibrated;
-  if (dataset.thermal) {
+  if (is_calibrated(config.agent.thermal.mode, dataset.thermal)) {
     calibrated.emplace(alone(config.agent, ThermalMode::kCalibrated, has_truth), dataset);
   }
   ImageReader reader(dataset.camera);

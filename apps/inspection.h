@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // One drone's flight over its recording, looked at: what the tracker saw and followed. A thermal
-// camera's flight is flown twice at once, on raw and on calibrated images.
+// camera's flight is flown twice at once, on raw and on calibrated images, unless only raw ones are
+// asked for.
 #pragma once
 
 #include <array>
@@ -22,8 +23,9 @@
 namespace covey {
 
 struct InspectionConfig {
-  AgentConfig agent;  // how to fly; alone, whatever it says
-  int pictures = 4;   // evenly spread over the flight
+  // How to fly; alone, whatever it says. With thermal.mode raw only over raw images.
+  AgentConfig agent;
+  int pictures = 4;  // evenly spread over the flight
   // Images at which the field is kept, as far as they show a scene, ascending; empty: twice a
   // second.
   std::vector<TimeNs> field_stamps;
@@ -64,7 +66,7 @@ struct Inspection {
   Dataset dataset;
   std::uint64_t left_out = 0;  // images that cannot be read
   InspectedFlight raw;
-  std::optional<InspectedFlight> calibrated;  // of a thermal camera
+  std::optional<InspectedFlight> calibrated;  // of a thermal camera, unless only raw
   std::vector<PhotometricRecord> gains;       // one for each image that showed a scene
   std::vector<FieldRecord> fields;            // only the last as large as images
   std::optional<double> pixel_lag_s;          // time constant, as estimated at the end

@@ -21,8 +21,9 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
   estimator.imu_noise = sensors.imu_noise;
   estimator.extrinsics = sensors.extrinsics;
   estimator.slam_noise_scale = config.tracker.lasting_scale;
-  if (sensors.thermal) estimator.imu_noise_scale = config.thermal.imu_noise_scale;
-  if (sensors.thermal && sensors.extrinsics.time_offset_s == 0) {
+  if (!is_thermal_camera(config.thermal.mode, sensors.thermal)) return estimator;
+  estimator.imu_noise_scale = config.thermal.imu_noise_scale;
+  if (sensors.extrinsics.time_offset_s == 0) {
     estimator.extrinsics.time_offset_s = -config.thermal.time_constant_s;
   }
   return estimator;
@@ -30,7 +31,9 @@ EstimatorConfig estimator_config(const AgentConfig& config, const SensorSetup& s
 
 TrackerConfig tracker_config(const AgentConfig& config, const SensorSetup& sensors) {
   TrackerConfig tracker = config.tracker;
-  if (sensors.thermal) tracker.aligned_scale = config.thermal.aligned_scale;
+  if (is_thermal_camera(config.thermal.mode, sensors.thermal)) {
+    tracker.aligned_scale = config.thermal.aligned_scale;
+  }
   tracker.alignment.compare_scales =
       is_calibrated(config.thermal.mode, sensors.thermal) && config.thermal.pixel_lag.sigma_s > 0;
   return tracker;

@@ -39,7 +39,7 @@ struct SensorSetup {
   CameraIntrinsics camera;
   CameraExtrinsics extrinsics;
   ImuNoise imu_noise;
-  bool thermal = false;     // the camera
+  bool thermal = false;     // Dataset::thermal; see is_thermal_camera
   cv::Mat mask{};           // Dataset::mask
   double line_delay_s = 0;  // CameraCalibration's
 };

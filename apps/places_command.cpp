@@ -74,10 +74,8 @@ void compare(Options options) {
     options.comparison.many_words = load_vocabulary(options.many_words);
     require_many_words(options);
   }
-  if (!options.thermal.empty()) {
-    options.comparison.thermal =
-        options.thermal == "raw" ? ThermalMode::kRaw : ThermalMode::kCalibrated;
-  }
+  options.comparison.thermal =
+      thermal_mode_from_name(options.thermal).value_or(options.comparison.thermal);
   catch_stop_signals();
   StagedFolder folder(options.out, options.force ? is_place_report : nullptr);
   const std::vector<DatasetComparison> comparisons = compare_all(options);

@@ -281,8 +281,8 @@ void add_team_command(CLI::App& covey) {
       ->capture_default_str();
   command
       ->add_option("--thermal", options->thermal,
-                   "Images as they are, or photometrically calibrated (default: thermal cameras' "
-                   "images are)")
+                   "Images as they are, or calibrated as a thermal camera's, whatever sensor.yaml "
+                   "says (default: as in FILE.json, else thermal cameras' images are)")
       ->check(CLI::IsMember({"raw", "calibrated"}));
   command->add_flag("--unknown-start", options->unknown_start,
                     "Every drone starts in a world of its own and finds the others' by what both "

@@ -37,10 +37,12 @@ Vocabulary load_vocabulary(const std::string& name_or_path) {
   }
 }
 
-Vocabulary vocabulary_of(const AgentConfig& config, bool thermal_camera) {
+Vocabulary vocabulary_of(const AgentConfig& config, bool named_thermal) {
   constexpr std::size_t kMostWords = kMaxDescriptorBytes / sizeof(BinaryDescriptor);
   std::string name = config.agent.vocabulary;
-  if (name.empty()) name = thermal_camera ? "thermal" : "visual";
+  if (name.empty()) {
+    name = is_thermal_camera(config.thermal.mode, named_thermal) ? "thermal" : "visual";
+  }
   Vocabulary vocabulary = load_vocabulary(name);
   const std::size_t words = vocabulary.words.size();
   if (words_are_sent(config.collaboration) && words > kMostWords) {

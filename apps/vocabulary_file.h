@@ -15,7 +15,7 @@ namespace covey {
 
 // What a drone with these settings tells places by. Throws std::runtime_error too when a question
 // with so many words does not fit into a message: every link would refuse it.
-[[nodiscard]] Vocabulary vocabulary_of(const AgentConfig& config, bool thermal_camera);
+[[nodiscard]] Vocabulary vocabulary_of(const AgentConfig& config, bool named_thermal);
 
 // Throws std::runtime_error when the file cannot be written whole; then it is as it was before.
 void write_vocabulary(const std::filesystem::path& file, const Vocabulary& vocabulary);

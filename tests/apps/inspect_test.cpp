@@ -54,6 +54,46 @@ TEST(Inspect, ShowsAThermalFlightRawAndCalibratedAgainstTheTruth) {
   EXPECT_LT(summary["truth"]["gain_error"]["over_third_of_a_second"]["mean"], 0.05);
 }
 
+// What its summary.json says.
+nlohmann::json inspected(const fs::path& dataset, const std::string& options, const fs::path& out) {
+  EXPECT_EQ(complaint_of("inspect " + dataset.string() + " --images 1 --force " + options +
+                         " --out " + out.string()),
+            "");
+  return read_json_file(out / "summary.json");
+}
+
+TEST(Inspect, LeavesImagesRawAsTheCommandOrTheSettingsSay) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
+  ASSERT_EQ(
+      complaint_of("simulate mars_yard --agents 1 --seconds 1 --rate 8 --out " + yard.string()),
+      "");
+  const fs::path raw = folder.write("raw.json", R"({"thermal": {"mode": "raw"}})");
+  for (const std::string& options : {std::string("--thermal raw"), "--config " + raw.string()}) {
+    const nlohmann::json summary = inspected(yard, options, out);
+    EXPECT_EQ(summary["thermal"], true) << options;
+    EXPECT_TRUE(summary["calibrated"].is_null()) << options;
+    EXPECT_GT(summary["raw"]["tracks"]["mean_per_frame"], 50) << options;
+    EXPECT_FALSE(fs::exists(out / "field.png")) << options;
+    EXPECT_EQ(read_png((out / "tracks_1.png").string()).cols, 640) << options;
+  }
+  const nlohmann::json both = inspected(yard, "--thermal calibrated --config " + raw.string(), out);
+  EXPECT_FALSE(both["calibrated"].is_null()) << "the command's word goes first";
+}
+
+TEST(Inspect, CalibratesACameraThatItIsToldIsThermal) {
+  const TemporaryFolder folder;
+  const fs::path yard = folder.path() / "yard", out = folder.path() / "out";
+  ASSERT_EQ(complaint_of("simulate castle_parallel --agents 1 --seconds 1 --rate 8 --out " +
+                         yard.string()),
+            "");
+  EXPECT_EQ(inspected(yard, "", out)["thermal"], false);
+  const nlohmann::json summary = inspected(yard, "--thermal calibrated", out);
+  EXPECT_EQ(summary["thermal"], true);
+  EXPECT_GT(summary["calibrated"]["tracks"]["mean_per_frame"], 50);
+  EXPECT_TRUE(fs::exists(out / "before_after_1.png"));
+}
+
 TEST(Inspect, KeepsOnlyTheLastFieldAsLargeAsTheImage) {
   const TemporaryFolder folder;
   const fs::path yard = folder.path() / "yard";

@@ -250,6 +250,43 @@ TEST(Pipeline, SameInputGivesBitEqualOdometry) {
   EXPECT_TRUE(one.pipeline().started());
 }
 
+// Odometry of a flight over visual images, whose camera is named thermal or not.
+std::vector<Odometry> flown_as(ThermalMode mode, bool named) {
+  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  AgentConfig config;
+  config.agent.mode = FlightMode::kSolo;
+  config.thermal.mode = mode;
+  SensorSetup sensors = sensors_of(dataset);
+  sensors.thermal = named;
+  Pipeline pipeline(config, sensors, dataset.ground_truth);
+  std::vector<Odometry> told;
+  std::size_t next_imu = 0;
+  for (std::size_t i = 0; i < 12; ++i) {
+    const ImageEntry& image = dataset.images.at(i);
+    add_imu_for(image.stamp_ns, dataset.imu, next_imu, pipeline);
+    const ImageResult result = pipeline.add_image(
+        image.stamp_ns, read_image(image, dataset.camera.width, dataset.camera.height));
+    if (result.odometry) told.push_back(*result.odometry);
+  }
+  return told;
+}
+
+bool bit_equal(const std::vector<Odometry>& some, const std::vector<Odometry>& others) {
+  return std::equal(some.begin(), some.end(), others.begin(), others.end(),
+                    [](const Odometry& a, const Odometry& b) {
+                      return a.pose.p_world_imu == b.pose.p_world_imu &&
+                             a.pose_covariance == b.pose_covariance;
+                    });
+}
+
+TEST(Pipeline, ACameraToBeCalibratedIsFlownAsOneThatIsNamedThermal) {
+  const auto calibrated = flown_as(ThermalMode::kCalibrated, false);
+  ASSERT_GT(calibrated.size(), 5u);
+  EXPECT_TRUE(bit_equal(calibrated, flown_as(ThermalMode::kAuto, true)));
+  EXPECT_FALSE(bit_equal(flown_as(ThermalMode::kRaw, false), flown_as(ThermalMode::kRaw, true)))
+      << "noise is that of thermal cameras, on raw images as well";
+}
+
 TEST(Pipeline, ABlindCameraLeavesNoMoreSamplesThanOneThatSees) {
   Drone drone("uav0", FlightMode::kSolo, ExchangeMode::kCompact, {}, ThermalMode::kCalibrated);
   for (std::size_t i = 0; i < 10; ++i) (void)drone.fly(i);

@@ -137,6 +137,17 @@ std::string complaint_of_flying_with(const AgentConfig& config) {
   }
 }
 
+TEST(VocabularyOf, SuitsACameraThatIsNamedThermalOrToBeCalibrated) {
+  AgentConfig config;
+  EXPECT_EQ(vocabulary_of(config, false).words, visual_vocabulary().words);
+  EXPECT_EQ(vocabulary_of(config, true).words, thermal_vocabulary().words);
+  config.thermal.mode = ThermalMode::kCalibrated;
+  EXPECT_EQ(vocabulary_of(config, false).words, thermal_vocabulary().words);
+  config.thermal.mode = ThermalMode::kRaw;
+  EXPECT_EQ(vocabulary_of(config, false).words, visual_vocabulary().words);
+  EXPECT_EQ(vocabulary_of(config, true).words, thermal_vocabulary().words);
+}
+
 TEST(VocabularyOf, RefusesMoreWordsThanAQuestionHasRoomForWhereTheyAreSent) {
   const TemporaryFolder folder;
   Vocabulary vocabulary;
