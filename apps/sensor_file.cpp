@@ -4,9 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 #include <yaml-cpp/yaml.h>
 
-#include <cctype>
 #include <cmath>
 #include <optional>
+#include <regex>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -157,11 +157,18 @@ class SensorFile {
   YAML::Node root_;
 };
 
-// EuRoC files have no key for it: their comment names the camera.
-bool names_thermal_camera(std::string comment) {
-  for (char& c : comment) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return comment.find("thermal") != std::string::npos ||
-         comment.find("infrared") != std::string::npos;
+// EuRoC files have no key for it: their comment names the camera. FLIR makes visual cameras as
+// well.
+bool names_thermal_camera(const std::string& comment) {
+  constexpr auto kAnyCase = std::regex::ECMAScript | std::regex::icase;
+  static const std::regex kOfOthers(
+      R"(\b(not|no|non|without)[ -]?(an? )?(thermal|infrared)|athermal|thermally|)"
+      R"((near|active|short-?wave)[ -]?infrared|infrared[ -]?(cut|block|filter|pass|illum|led|stereo))",
+      kAnyCase);
+  static const std::regex kThermal(
+      "thermal|thermograph|infrared|[lm]wir|bolometer|boson|lepton|flir[ _-]?(tau|vue|a[0-9])",
+      kAnyCase);
+  return std::regex_search(std::regex_replace(comment, kOfOthers, ""), kThermal);
 }
 
 DistortionModel distortion_model(const SensorFile& file) {

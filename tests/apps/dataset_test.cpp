@@ -163,6 +163,44 @@ TEST_F(DatasetTest, ARollingShutterIsKnownByItsLineDelay) {
   EXPECT_EQ(read_dataset(mav0()).line_delay_s, 2.5e-5);
 }
 
+TEST_F(DatasetTest, AThermalCameraIsKnownByWhatTheCommentNames) {
+  struct Named {
+    const char* comment;
+    bool thermal;
+  };
+  constexpr Named kCameras[] = {
+      {"thermal camera", true},
+      {"simulated Thermal_cam0, 8 bits", true},
+      {"ThermalCamera640", true},
+      {"mono thermal", true},
+      {"Infrared camera", true},
+      {"long-wave infrared", true},
+      {"FLIR Boson 640 LWIR", true},
+      {"flir_boson", true},
+      {"FLIR Tau 2", true},
+      {"uncooled microbolometer", true},
+      {"cooled MWIR", true},
+      {"thermographic", true},
+      {"VI-Sensor cam0 (MT9M034)", false},
+      {"MT9V034, infrared cut filter", false},
+      {"MT9V034, infrared-blocking glass", false},
+      {"not thermal", false},
+      {"not a thermal camera", false},
+      {"non-thermal", false},
+      {"FLIR Blackfly S, visual", false},
+      {"near-infrared, 850 nm", false},
+      {"D435, infrared stereo", false},
+      {"infrared LEDs", false},
+      {"athermal lens, thermally stabilised", false},
+      {"thermal camera, no infrared illumination", true},
+  };
+  EXPECT_FALSE(read_dataset(mav0()).thermal) << "without a comment";
+  for (const Named& camera : kCameras) {
+    write("cam0/sensor.yaml", std::string(kCameraYaml) + "comment: \"" + camera.comment + "\"\n");
+    EXPECT_EQ(read_dataset(mav0()).thermal, camera.thermal) << camera.comment;
+  }
+}
+
 TEST_F(DatasetTest, ALineDelayBelowZeroIsRefused) {
   write("cam0/sensor.yaml", std::string(kCameraYaml) + "line_delay: -2.5e-5\n");
   expect_refused("cam0/sensor.yaml:16: ", "line_delay must not be negative");
