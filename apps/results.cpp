@@ -130,12 +130,102 @@ std::string error_row(const ScenarioResults& results, const AgentRun& agent) {
 }
 
 std::string error_table(const std::vector<ScenarioResults>& all) {
-  std::string table = head({"flight", "drone", "path, m", "alone", "together", "improvement",
-                            "paper: alone", "paper: together", "paper: improvement"});
+  std::string rows;
   for (const ScenarioResults& results : all) {
-    for (const AgentRun& agent : results.compact.agents) table += error_row(results, agent);
+    if (results.raw) continue;
+    for (const AgentRun& agent : results.compact.agents) rows += error_row(results, agent);
   }
-  return table;
+  if (rows.empty()) return "";
+  return "### Visual cameras\n\n" +
+         head({"flight", "drone", "path, m", "alone", "together", "improvement", "paper: alone",
+               "paper: together", "paper: improvement"}) +
+         rows + "\n";
+}
+
+// Alone or together, on raw or on calibrated images.
+struct ThermalColumn {
+  const char* title;
+  bool raw;
+  std::optional<AccuracySummary> AgentRun::*ours;
+  PrintedRmse PrintedThermalError::*printed;
+};
+constexpr ThermalColumn kThermalColumns[] = {
+    {"alone, raw", true, &AgentRun::alone_accuracy, &PrintedThermalError::alone_raw},
+    {"alone, calibrated", false, &AgentRun::alone_accuracy, &PrintedThermalError::alone_calibrated},
+    {"together, raw", true, &AgentRun::accuracy, &PrintedThermalError::together_raw},
+    {"together, calibrated", false, &AgentRun::accuracy, &PrintedThermalError::together_calibrated},
+};
+
+const RunData& run_of(const ThermalColumn& column, const ScenarioResults& results) {
+  return column.raw ? *results.raw : results.compact;
+}
+
+std::string thermal_error_text(const ThermalColumn& column, const ScenarioResults& results,
+                               const std::string& drone) {
+  for (const AgentRun& agent : run_of(column, results).agents) {
+    if (agent.name == drone) return error_text(agent.*column.ours);
+  }
+  return "-";
+}
+
+std::string printed_text(const ThermalColumn& column, const ScenarioResults& results,
+                         const std::string& drone) {
+  for (const PrintedThermalError& printed : kPrintedThermalErrors) {
+    if (printed.scenario != results.scenario || printed.drone != drone) continue;
+    const PrintedRmse& error = printed.*column.printed;
+    return fmt::format("{:.4f}±{:.4f}", error.rmse, error.std);
+  }
+  return "-";
+}
+
+Value mean_printed(const ThermalColumn& column, const ScenarioResults& results) {
+  double sum = 0;
+  int drones = 0;
+  for (const PrintedThermalError& printed : kPrintedThermalErrors) {
+    if (printed.scenario != results.scenario) continue;
+    sum += (printed.*column.printed).rmse;
+    ++drones;
+  }
+  if (drones == 0) return std::nullopt;
+  return sum / drones;
+}
+
+std::string thermal_error_row(const ScenarioResults& results, const AgentRun& agent) {
+  std::vector<std::string> cells = {name_of(results), agent.name,
+                                    text(agent.summary.distance_m, 1)};
+  for (const ThermalColumn& column : kThermalColumns)
+    cells.push_back(thermal_error_text(column, results, agent.name));
+  for (const ThermalColumn& column : kThermalColumns)
+    cells.push_back(printed_text(column, results, agent.name));
+  return row(cells);
+}
+
+std::string thermal_mean_row(const ScenarioResults& results) {
+  std::vector<std::string> cells = {name_of(results), "**mean**", "-"};
+  for (const ThermalColumn& column : kThermalColumns) {
+    const auto error = [&](const AgentRun& agent) { return error_m(agent.*column.ours); };
+    cells.push_back(text(mean(run_of(column, results), error), 4));
+  }
+  for (const ThermalColumn& column : kThermalColumns)
+    cells.push_back(text(mean_printed(column, results), 4));
+  return row(cells);
+}
+
+std::string thermal_error_table(const std::vector<ScenarioResults>& all) {
+  std::string rows;
+  for (const ScenarioResults& results : all) {
+    if (!results.raw) continue;
+    for (const AgentRun& agent : results.compact.agents) rows += thermal_error_row(results, agent);
+    rows += thermal_mean_row(results);
+  }
+  if (rows.empty()) return "";
+  std::vector<std::string> titles = {"flight", "drone", "path, m"};
+  for (const ThermalColumn& column : kThermalColumns) titles.emplace_back(column.title);
+  for (const ThermalColumn& column : kThermalColumns)
+    titles.push_back(std::string("paper: ") + column.title);
+  return "### Thermal cameras\n\nRaw: images as they are (`--thermal raw`). Calibrated: as Covey "
+         "flies thermal cameras. The paper's baseline, xVIO, is alone on raw images.\n\n" +
+         head(titles) + rows + "\n";
 }
 
 std::string data_row(const ScenarioResults& results, const RunData& run) {
@@ -278,6 +368,27 @@ RunData read_exchange(const fs::path& flight, const char* exchange) {
   return data;
 }
 
+bool is_calibrated(const RunData& run) {
+  return std::any_of(run.agents.begin(), run.agents.end(), [](const AgentRun& agent) {
+    return agent.summary.stage_ms.thermal.has_value();
+  });
+}
+
+RunData read_raw(const fs::path& flight) {
+  const fs::path run = flight / "raw";
+  if (!fs::exists(run / "summary.json")) {
+    throw std::runtime_error(
+        run.string() + " holds no run: fly it with covey team --thermal raw --with-solo --out " +
+        run.string());
+  }
+  RunData data = read_run(run);
+  if (is_calibrated(data)) {
+    throw std::runtime_error((run / "summary.json").string() +
+                             ": images were calibrated, was not flown with --thermal raw");
+  }
+  return data;
+}
+
 }  // namespace
 
 std::vector<ScenarioResults> read_results(const fs::path& runs) {
@@ -297,7 +408,8 @@ std::vector<ScenarioResults> read_results(const fs::path& runs) {
     }
     results.push_back({name.substr(0, dash), name.substr(dash + 1),
                        read_exchange(flight, "compact"), read_exchange(flight, "paper"),
-                       read_exchange(flight, "naive")});
+                       read_exchange(flight, "naive"), std::nullopt});
+    if (is_calibrated(results.back().compact)) results.back().raw = read_raw(flight);
   }
   if (results.empty()) throw std::runtime_error(runs.string() + " holds no flights");
   return results;
@@ -312,8 +424,8 @@ std::string results_page(const std::vector<ScenarioResults>& results, const Resu
          "data usage is.\n\n"
          "## Absolute trajectory error\n\n"
          "RMSE ± standard deviation, m, aligned by SE(3). Together: exchange `compact`.\n\n" +
-         error_table(results) +
-         "\n## Data usage\n\n"
+         error_table(results) + thermal_error_table(results) +
+         "## Data usage\n\n"
          "Sums over the team. Payload: serialised questions and messages; a message to all counts "
          "once, as in the paper. Wire: measured, every IPv4 packet that the drones sent, with "
          "discovery, status, odometry, acknowledgements and repair (discovery and liveliness go on "

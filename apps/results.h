@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,7 @@ struct ScenarioResults {
   RunData compact;  // with the drones alone beside it
   RunData paper;
   RunData naive;
+  std::optional<RunData> raw;  // of thermal drones: as compact, on images that are not calibrated
 };
 
 // Where the figures come from.
@@ -27,8 +29,9 @@ struct ResultsOrigin {
   std::string command;
 };
 
-// All folders RUNS/<scenario>-<seed>/ with the runs compact, paper and naive in them. Throws
-// std::runtime_error that names the folder that lacks one, or if there is none.
+// All folders RUNS/<scenario>-<seed>/ with the runs compact, paper and naive in them, and raw where
+// the drones have thermal cameras. Throws std::runtime_error that names the folder that lacks one,
+// or if there is none.
 [[nodiscard]] std::vector<ScenarioResults> read_results(const std::filesystem::path& runs);
 
 [[nodiscard]] std::string results_page(const std::vector<ScenarioResults>& results,

@@ -27,7 +27,8 @@ void add_tables_command(CLI::App& covey) {
       "Example: covey tables runs/tables --out results.md --commit $(git rev-parse --short HEAD) "
       "\\\n"
       "             --machine 'two cores' --command scripts/tables\n"
-      "Reads RUNS/<scenario>-<seed>/{compact,paper,naive}; compact flown with --with-solo.");
+      "Reads RUNS/<scenario>-<seed>/{compact,paper,naive}; compact flown with --with-solo, and of\n"
+      "drones with thermal cameras once more in raw, with --thermal raw.");
   command->add_option("runs", options->runs, "Folder of the runs")->required()->type_name("RUNS");
   command->add_option("--out", options->out, "Markdown to write")->required()->type_name("FILE");
   command->add_option("--commit", options->origin.commit, "Of the program that flew")->required();

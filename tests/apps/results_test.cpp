@@ -13,6 +13,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::ThrowsMessage;
 
 // Two drones, 10 s; each sends as many messages of that size.
@@ -40,12 +41,20 @@ RunData run_with(const std::string& exchange, std::int64_t messages, std::int64_
   return run;
 }
 
-std::string example() {
-  const ScenarioResults yard{"mars_yard", "7", run_with("compact", 10, 5000, 5),
-                             run_with("paper", 40, 300'000, 300),
-                             run_with("naive", 300, 300'000, 0)};
-  return results_page({yard}, {"abc1234", "2 cores, Test", "scripts/tables mars_yard-7"});
+ScenarioResults flight_of(const std::string& scenario) {
+  return {scenario,
+          "7",
+          run_with("compact", 10, 5000, 5),
+          run_with("paper", 40, 300'000, 300),
+          run_with("naive", 300, 300'000, 0),
+          std::nullopt};
 }
+
+std::string page_of(const ScenarioResults& flight) {
+  return results_page({flight}, {"abc1234", "2 cores, Test", "scripts/tables mars_yard-7"});
+}
+
+std::string example() { return page_of(flight_of("mars_yard")); }
 
 TEST(Results, SayWhereTheyComeFrom) {
   EXPECT_THAT(example(),
@@ -53,9 +62,29 @@ TEST(Results, SayWhereTheyComeFrom) {
 }
 
 TEST(Results, ErrorsStandBesideThePrintedOnes) {
-  EXPECT_THAT(example(),
-              HasSubstr("| mars_yard, seed 7 | uav1 | - | 0.4000±0.2000 | 0.3000±0.1000 | 25.0 % | "
-                        "0.0813±0.0382 | 0.0438±0.0189 | 46.1 % |"));
+  const std::string page = page_of(flight_of("castle_parallel"));
+  EXPECT_THAT(page, HasSubstr("| castle_parallel, seed 7 | uav1 | - | 0.4000±0.2000 | "
+                              "0.3000±0.1000 | 25.0 % | "
+                              "0.4817±0.3039 | 0.3871±0.1860 | 19.6 % |"));
+  EXPECT_THAT(page, Not(HasSubstr("### Thermal")));
+}
+
+TEST(Results, ThermalErrorsStandRawAndCalibratedBesideThePrintedOnes) {
+  ScenarioResults yard = flight_of("mars_yard");
+  yard.raw = run_with("compact", 10, 5000, 5);
+  yard.raw->agents[1].accuracy->se3 = {0.5, 0.4, 0.1, {}};
+  yard.raw->agents[1].alone_accuracy->se3 = {0.6, 0.5, 0.2, {}};
+  const std::string page = page_of(yard);
+  EXPECT_THAT(
+      page, HasSubstr("| flight | drone | path, m | alone, raw | alone, calibrated | together, raw "
+                      "| together, calibrated | paper: alone, raw | paper: alone, calibrated | "
+                      "paper: together, raw | paper: together, calibrated |"));
+  EXPECT_THAT(page, HasSubstr("| mars_yard, seed 7 | uav1 | - | 0.6000±0.2000 | 0.4000±0.2000 | "
+                              "0.5000±0.1000 | 0.3000±0.1000 | 0.0813±0.0382 | 0.0621±0.0248 | "
+                              "0.0812±0.0381 | 0.0438±0.0189 |"));
+  EXPECT_THAT(page, HasSubstr("| mars_yard, seed 7 | **mean** | - | 0.5000 | 0.4000 | 0.4000 | "
+                              "0.3000 | 0.1324 | 0.1263 | 0.1336 | 0.1024 |"));
+  EXPECT_THAT(page, Not(HasSubstr("### Visual")));
 }
 
 TEST(Results, DataIsSummedOverTheTeamAndComparedWithCompact) {
@@ -82,6 +111,31 @@ TEST(Results, AMissingRunIsNamed) {
   EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(HasSubstr("holds no flights")));
   std::filesystem::create_directories(folder.path() / "mars_yard-7");
   EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(HasSubstr("mars_yard-7/compact")));
+}
+
+void write_thermal_run(const std::filesystem::path& run, const std::string& exchange,
+                       bool calibrated) {
+  std::filesystem::create_directories(run);
+  RunSummary summary;
+  summary.exchange = exchange;
+  AgentSummary& drone = summary.agents["uav0"];
+  if (calibrated) drone.stage_ms.thermal = 3;
+  write_run_summary(run / "summary.json", summary);
+}
+
+TEST(Results, ThermalFlightsAreFlownOnRawImagesAsWell) {
+  const TemporaryFolder folder;
+  const auto flight = folder.path() / "mars_yard-7";
+  for (const char* exchange : {"compact", "paper", "naive"})
+    write_thermal_run(flight / exchange, exchange, true);
+  const auto read = [&] { return read_results(folder.path()); };
+  EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(AllOf(
+                        HasSubstr("mars_yard-7/raw holds no run"), HasSubstr("--thermal raw"))));
+  write_thermal_run(flight / "raw", "compact", true);
+  EXPECT_THAT(read, ThrowsMessage<std::runtime_error>(
+                        HasSubstr("raw/summary.json: images were calibrated")));
+  write_thermal_run(flight / "raw", "compact", false);
+  EXPECT_TRUE(read().front().raw.has_value());
 }
 
 TEST(Results, ARunInTheFolderOfAnotherExchangeIsNamed) {
