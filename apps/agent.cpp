@@ -14,6 +14,7 @@
 
 #include "apps/earlier_flight.h"
 #include "apps/flight_findings.h"
+#include "apps/grey_image.h"
 #include "apps/json_file.h"
 #include "apps/link_process.h"
 #include "apps/start_doubt.h"
@@ -143,7 +144,10 @@ Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
       timing_file_(folder_),
       link_file_(folder_),
       exchange_file_(folder_) {
-  if (pipeline_.calibration() != nullptr) thermal_file_.emplace(folder_);
+  if (pipeline_.calibration() != nullptr) {
+    thermal_file_.emplace(folder_);
+    pictures_.emplace(dataset_.images);
+  }
   if (!dataset_.images.empty()) first_ns_ = dataset_.images.front().stamp_ns;
 }
 
@@ -178,6 +182,7 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   count(stamp_ns, result.content);
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
+  picture(result, pixels);
   show_status();
   const double now_ms = steady_ms();
   if (cpu_load_.due(now_ms)) cpu_load_.sample(now_ms, cpu_s());
@@ -392,6 +397,12 @@ void Agent::write(ImageResult& result, double read_ms, double total_ms) {
   }
 }
 
+void Agent::picture(const ImageResult& result, const cv::Mat& pixels) {
+  if (!pictures_ || result.content != ImageContent::kScene) return;
+  if (!pictures_->is_due(result.timing.stamp_ns)) return;
+  pictures_->add(to_grey8(pixels).clone(), picture_of(result, pipeline_));
+}
+
 bool Agent::meet(const std::set<std::string>& peers, std::chrono::milliseconds patience) {
   return !link_ || peers.empty() || wait_for_peers(peers, patience);
 }
@@ -586,9 +597,10 @@ LostLines Agent::lost_lines() const {
 }
 
 // Without it the summary still says how the flight went.
-void Agent::keep_field() const {
+void Agent::keep_calibration() const {
   try {
     write_field(folder_, pipeline_.calibration()->field());
+    pictures_->write(folder_, dataset_.mask);
   } catch (const std::exception& error) {
     spdlog::warn("{}", error.what());
   }
@@ -602,7 +614,7 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   }
   write_status();
   if (link_) link_->close();
-  if (pipeline_.calibration() != nullptr) keep_field();
+  if (pipeline_.calibration() != nullptr) keep_calibration();
   AgentSummary told = summary();
   told.incomplete = incomplete;
   nlohmann::json json = to_json(told);

@@ -17,6 +17,7 @@
 #include "apps/config_file.h"
 #include "apps/control_channel.h"
 #include "apps/dataset.h"
+#include "apps/flight_pictures.h"
 #include "apps/pipeline.h"
 #include "apps/process_usage.h"
 #include "apps/run_files.h"
@@ -122,7 +123,8 @@ class Agent {
   [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
   [[nodiscard]] LinkSummary link_summary() const;
   [[nodiscard]] LostLines lost_lines() const;
-  void keep_field() const;
+  void picture(const ImageResult& result, const cv::Mat& pixels);
+  void keep_calibration() const;
   [[nodiscard]] AgentSummary summary() const;
 
   AgentConfig config_;
@@ -138,7 +140,9 @@ class Agent {
   TimingWriter timing_file_;
   LinkWriter link_file_;
   ExchangeWriter exchange_file_;
-  std::optional<ThermalWriter> thermal_file_;  // of a calibrated thermal camera
+  // Of a calibrated thermal camera.
+  std::optional<ThermalWriter> thermal_file_;
+  std::optional<FlightPictures> pictures_;
 
   std::size_t next_imu_ = 0;
   std::vector<Inbound> taken_;

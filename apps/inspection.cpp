@@ -30,14 +30,6 @@ AgentConfig alone(AgentConfig config, ThermalMode mode, bool has_truth) {
   return config;
 }
 
-// Evenly over the flight, neither its first nor its last.
-std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
-  std::vector<std::size_t> indices;
-  const auto parts = static_cast<std::size_t>(pictures) + 1;
-  for (std::size_t i = 1; i < parts; ++i) indices.push_back(images * i / parts);
-  return indices;
-}
-
 // One flight, and what is kept of it.
 class Observer {
  public:
@@ -51,14 +43,8 @@ class Observer {
     return result;
   }
 
-  // Of the newest image.
-  void take_picture(const ImageResult& result) {
-    Picture picture{result.timing.stamp_ns, pipeline_.tracked_image().clone(), {}};
-    const std::vector<TrackKind> kinds = pipeline_.kinds(result.frame);
-    for (std::size_t i = 0; i < kinds.size(); ++i) {
-      picture.tracks.push_back({result.frame.features[i].pixel, kinds[i]});
-    }
-    flight_.pictures.push_back(std::move(picture));
+  void take_picture(const ImageResult& newest) {
+    flight_.pictures.push_back(picture_of(newest, pipeline_));
   }
   void count_corners() { flight_.corners.add(pipeline_.tracked_image()); }
 
@@ -72,9 +58,6 @@ class Observer {
       flight_.mean_tracks = sightings_ / static_cast<double>(flight_.tracks.size());
     }
     if (begun_ > 0) flight_.mean_length = sightings_ / begun_;
-    for (double& share : flight_.corners.shares) {
-      share /= static_cast<double>(std::max<std::int64_t>(1, flight_.corners.images));
-    }
     return std::move(flight_);
   }
 
@@ -184,7 +167,9 @@ void CornerHistogram::add(const cv::Mat& grey) {
   constexpr double kHarris = 0.04;
   cv::Mat response;
   cv::cornerHarris(grey, response, kBlock, kAperture, kHarris);
-  const double share = 1 / static_cast<double>(response.total());
+  ++images;
+  for (double& mean : shares) mean -= mean / static_cast<double>(images);
+  const double share = 1 / (static_cast<double>(response.total()) * static_cast<double>(images));
   for (int y = 0; y < response.rows; ++y) {
     const auto* row = response.ptr<float>(y);
     for (int x = 0; x < response.cols; ++x) {
@@ -194,11 +179,35 @@ void CornerHistogram::add(const cv::Mat& grey) {
       if (bin >= 0 && bin < kBins) shares[static_cast<std::size_t>(bin)] += share;
     }
   }
-  ++images;
 }
 
 double CornerHistogram::middle(int bin) {
   return kLowest + (bin + 0.5) * (kHighest - kLowest) / kBins;
+}
+
+std::vector<CornerRecord> corner_records(const CornerHistogram& raw,
+                                         const CornerHistogram& calibrated) {
+  std::vector<CornerRecord> records;
+  for (int bin = 0; bin < CornerHistogram::kBins; ++bin) {
+    const auto i = static_cast<std::size_t>(bin);
+    records.push_back({CornerHistogram::middle(bin), raw.shares[i], calibrated.shares[i]});
+  }
+  return records;
+}
+
+Picture picture_of(const ImageResult& newest, Pipeline& pipeline) {
+  Picture picture{newest.timing.stamp_ns, pipeline.tracked_image().clone(), {}};
+  const std::vector<TrackKind> kinds = pipeline.kinds(newest.frame);
+  for (std::size_t i = 0; i < kinds.size(); ++i)
+    picture.tracks.push_back({newest.frame.features[i].pixel, kinds[i]});
+  return picture;
+}
+
+std::vector<std::size_t> picture_indices(std::size_t images, int pictures) {
+  std::vector<std::size_t> indices;
+  const auto parts = static_cast<std::size_t>(pictures) + 1;
+  for (std::size_t i = 1; i < parts; ++i) indices.push_back(images * i / parts);
+  return indices;
 }
 
 Inspection inspect_flight(const DroneFolder& drone, const InspectionConfig& config,

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <opencv2/core.hpp>
@@ -17,6 +18,7 @@
 #include "apps/dataset.h"
 #include "apps/pipeline.h"
 #include "apps/progress.h"
+#include "apps/run_files.h"
 #include "apps/thermal_comparison.h"
 #include "apps/trajectory_file.h"
 
@@ -41,6 +43,8 @@ struct CornerHistogram {
   void add(const cv::Mat& grey);
   [[nodiscard]] static double middle(int bin);
 };
+[[nodiscard]] std::vector<CornerRecord> corner_records(const CornerHistogram& raw,
+                                                       const CornerHistogram& calibrated);
 
 struct DrawnTrack {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
@@ -52,6 +56,11 @@ struct Picture {
   cv::Mat grey;  // CV_8UC1, what the tracker saw
   std::vector<DrawnTrack> tracks;
 };
+
+// Of the newest image of a pipeline.
+[[nodiscard]] Picture picture_of(const ImageResult& newest, Pipeline& pipeline);
+// Of `pictures` moments, evenly over the flight, neither its first nor its last image.
+[[nodiscard]] std::vector<std::size_t> picture_indices(std::size_t images, int pictures);
 
 struct InspectedFlight {
   std::vector<Picture> pictures;

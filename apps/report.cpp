@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/report.h"
 
+#include <openssl/evp.h>
+
 #include <algorithm>
+#include <cstddef>
 #include <cstdio>
 #include <functional>
 #include <string>
@@ -126,18 +129,30 @@ std::string distances(const RunData& data) {
          "</div>\n";
 }
 
+std::string embedded_png(const std::string& file, const std::string& what) {
+  std::string base64(4 * ((file.size() + 2) / 3) + 1, '\0');  // and the zero that ends it
+  const int length = EVP_EncodeBlock(reinterpret_cast<unsigned char*>(base64.data()),
+                                     reinterpret_cast<const unsigned char*>(file.data()),
+                                     static_cast<int>(file.size()));
+  base64.resize(static_cast<std::size_t>(length));
+  return "<figure class=\"wide\"><img alt=\"" + escape_html(what) +
+         "\" src=\"data:image/png;base64," + base64 + "\"></figure>\n";
+}
+
 // Of drones with thermal cameras.
 std::string calibrations(const RunData& data) {
   std::string rows;
   for (std::size_t i = 0; i < data.agents.size(); ++i) {
     const AgentRun& agent = data.agents[i];
     if (agent.thermal.empty()) continue;
-    rows += "<h3>" + drone_label(data, i) + "</h3>\n<div class=\"charts three\">\n" +
+    rows += "<h3>" + drone_label(data, i) + "</h3>\n<div class=\"charts four\">\n" +
             figures(thermal_charts(agent));
     if (!agent.field.empty()) rows += "<figure>" + render_svg(field_map(agent)) + "</figure>\n";
     rows += "</div>\n";
+    if (!agent.pictures.empty())
+      rows += embedded_png(agent.pictures, "raw and calibrated images and tracks of " + agent.name);
   }
-  return rows;
+  return rows.empty() ? "" : legend_block(corner_legend(data)) + rows;
 }
 
 std::string sections(const RunData& data) {
@@ -174,10 +189,15 @@ std::string sections(const RunData& data) {
                  "Marked, and worth a new calibration: what is off by more than three of the "
                  "standard deviations that the settings give it.",
                  camera_table(data)) +
-         section("Thermal calibration",
-                 "Gain and offset take an image's grey levels to those of the first image of its "
-                 "chain, which begins anew after a shutter event.",
-                 calibrations(data)) +
+         section(
+             "Thermal calibration",
+             "Gain and offset take an image's grey levels to those of the first image of its "
+             "chain, which begins anew after a shutter event. Of flights over recordings, three "
+             "moments: the raw image, the calibrated one, and what was followed in it. Blue: "
+             "SLAM features; orange: their past tells where they are (MSCKF); purple: "
+             "opportunistic. Corner response: share of these images' pixels by the logarithm "
+             "of their Harris response.",
+             calibrations(data)) +
          section("Link",
                  "Payload: requests and messages as encoded. Wire: everything the network carried, "
                  "where it was counted. Clocks: a peer's wall clock minus the drone's own, sure to "

@@ -24,6 +24,7 @@ constexpr char kFeatureTitle[] = "features";
 constexpr char kUpdateTitle[] = "features in updates";
 constexpr char kMessageTitle[] = "messages so far";
 constexpr char kOutcomeTitle[] = "what became of those received";
+constexpr char kCornerTitle[] = "corner response";
 constexpr char kAxisName[] = {'x', 'y', 'z'};
 
 double seconds(const AgentRun& agent, TimeNs stamp_ns) {
@@ -330,6 +331,25 @@ bool anyone_alone(const RunData& data) {
                      [](const AgentRun& agent) { return !agent.alone.empty(); });
 }
 
+Chart corner_chart(const AgentRun& agent) {
+  constexpr double kPercent = 100;
+  Chart chart = time_chart(agent, 4, kCornerTitle, "% of the pixels");
+  chart.x_label = "log10 of Harris' response";
+  chart.x_range.reset();
+  chart.y_from_zero = true;
+  const auto add = [&](double CornerRecord::*share, const char* label, const char* color) {
+    Curve curve;
+    curve.label = label;
+    curve.color = color;
+    for (const CornerRecord& corner : agent.corners)
+      curve.points.emplace_back(corner.log10_response, kPercent * corner.*share);
+    chart.curves.push_back(std::move(curve));
+  };
+  add(&CornerRecord::raw, "raw", "series-d");
+  add(&CornerRecord::calibrated, "calibrated", "series-a");
+  return chart;
+}
+
 }  // namespace
 
 std::string drone_color(std::size_t index) {
@@ -437,17 +457,29 @@ std::vector<Chart> thermal_charts(const AgentRun& agent) {
   if (agent.thermal.empty()) return {};
   Curve curve;
   curve.color = "series-a";
-  Chart gain = time_chart(agent, 3, "gain", "of the chain's first image");
+  Chart gain = time_chart(agent, 4, "gain", "of the chain's first image");
   add_chains(agent.thermal, agent.start_ns, curve, &GainOffset::gain, gain);
-  Chart offset = time_chart(agent, 3, "offset", "grey levels of that image");
+  Chart offset = time_chart(agent, 4, "offset", "grey levels of that image");
   add_chains(agent.thermal, agent.start_ns, curve, &GainOffset::offset, offset);
-  return {std::move(gain), std::move(offset)};
+  std::vector<Chart> charts = {std::move(gain), std::move(offset)};
+  if (!agent.corners.empty()) charts.push_back(corner_chart(agent));
+  return charts;
+}
+
+Legend corner_legend(const RunData& data) {
+  const bool none = std::all_of(data.agents.begin(), data.agents.end(),
+                                [](const AgentRun& agent) { return agent.corners.empty(); });
+  if (none) return {};
+  using Shape = LegendEntry::Shape;
+  return {kCornerTitle,
+          {{"raw", "series-d", Shape::kLine}, {"calibrated", "series-a", Shape::kLine}}};
 }
 
 HeatMap field_map(const AgentRun& agent) {
   constexpr double kLeast = 0.1;  // grey levels; less is drawn pale
   HeatMap map;
   map.title = "additive field at the end";
+  map.width_px = 285;
   map.range = std::max(kLeast, cv::norm(agent.field, cv::NORM_INF));
   for (int y = 0; y < agent.field.rows; ++y) {
     const auto* row = agent.field.ptr<float>(y);

@@ -50,6 +50,7 @@ void add_chains(const std::vector<PhotometricRecord>& records, TimeNs start_ns, 
 
 // Of calibrated thermal cameras.
 [[nodiscard]] std::vector<Chart> thermal_charts(const AgentRun& agent);
+[[nodiscard]] Legend corner_legend(const RunData& data);  // empty when nobody has pictured any
 [[nodiscard]] HeatMap field_map(const AgentRun& agent);
 
 [[nodiscard]] std::vector<Chart> link_charts(const AgentRun& agent);

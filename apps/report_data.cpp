@@ -11,6 +11,8 @@
 #include <utility>
 
 #include "apps/agent.h"
+#include "apps/png_file.h"
+#include "apps/whole_file.h"
 
 namespace covey {
 namespace {
@@ -51,6 +53,12 @@ class PartReader {
   const fs::path& run_;
   std::vector<std::string>& notes_;
 };
+
+// As they are, if a browser can show them.
+std::string read_pictures(const fs::path& file) {
+  (void)read_png(file.string());
+  return read_whole_file(file);
+}
 
 // Truth and covariances are only looked at where the estimate is; both may be absent.
 void evaluate(const std::string& name, const PartReader& read, AgentRun& agent) {
@@ -107,6 +115,8 @@ AgentRun read_agent(const fs::path& run, const std::string& name, const AgentSum
   agent.link = read.if_there(folder / kLinkFile, read_link);
   agent.thermal = read.if_there(folder / kThermalFile, read_thermal);
   agent.field = read.if_there(folder / kFieldFile, read_field);
+  agent.pictures = read.if_there(folder / kPicturesFile, read_pictures);
+  agent.corners = read.if_there(folder / kCornersFile, read_corners);
   if (agent.truth.empty()) read.note(name + ": no ground truth, so no errors are shown");
   evaluate(name, read, agent);
   return agent;

@@ -28,6 +28,8 @@ struct AgentRun {
   std::vector<LinkRecord> link;
   std::vector<PhotometricRecord> thermal;
   cv::Mat field;  // CV_32FC1, coarse, at the end; empty unless a thermal camera was calibrated
+  std::string pictures;  // kPicturesFile as it lies there; empty without one
+  std::vector<CornerRecord> corners;
   // The estimates with their truth; empty without one.
   std::vector<PosePair> pairs;
   std::vector<PosePair> alone_pairs;

@@ -81,7 +81,8 @@ h3 .dot { margin: 0; }
 }
 figure { margin: 0; background: var(--card); border: 1px solid var(--rule); border-radius: 10px;
   padding: 8px 8px 4px; }
-svg.chart { display: block; width: 100%; height: auto; }
+svg.chart, figure img { display: block; width: 100%; height: auto; }
+figure.wide { margin-top: 12px; padding: 8px; }
 .chart text { fill: var(--muted); font-size: 10.5px; font-variant-numeric: tabular-nums; }
 .chart .title { fill: var(--ink); font-size: 12px; font-weight: 600; }
 .chart .middle { text-anchor: middle; }

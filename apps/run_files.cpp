@@ -203,6 +203,17 @@ void write_field(const std::filesystem::path& folder, const cv::Mat& field) {
   write_whole_file(folder / kFieldFile, lines);
 }
 
+void write_corners(const std::filesystem::path& folder, const std::vector<CornerRecord>& corners) {
+  std::string lines = "log10_response,raw,calibrated\n";
+  char line[96];
+  for (const CornerRecord& corner : corners) {
+    std::snprintf(line, sizeof line, "%.2f,%.6g,%.6g\n", corner.log10_response, corner.raw,
+                  corner.calibrated);
+    lines += line;
+  }
+  write_whole_file(folder / kCornersFile, lines);
+}
+
 std::vector<TimingRecord> read_timings(const std::filesystem::path& file) {
   CsvReader reader(file, CsvReader::Separator::kComma);
   Header header(reader);
@@ -266,6 +277,18 @@ std::vector<PhotometricRecord> read_thermal(const std::filesystem::path& file) {
     records.push_back({reader.stamp_from_nanoseconds(stamp),
                        reader.stamp_from_nanoseconds(chain),
                        {reader.number(gain), reader.number(offset)}});
+  }
+  return records;
+}
+
+std::vector<CornerRecord> read_corners(const std::filesystem::path& file) {
+  CsvReader reader(file, CsvReader::Separator::kComma);
+  Header header(reader);
+  const std::size_t response = header.column("log10_response"), raw = header.column("raw"),
+                    calibrated = header.column("calibrated");
+  std::vector<CornerRecord> records;
+  while (header.next()) {
+    records.push_back({reader.number(response), reader.number(raw), reader.number(calibrated)});
   }
   return records;
 }

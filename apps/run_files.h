@@ -11,6 +11,8 @@
 //   exchange.csv               one line per question and answer: when it was sent or handled
 //   thermal.csv                one line per image of a calibrated thermal camera: gain and offset
 //   thermal_field.csv          its additive field at the end, row by row, grey levels
+//   thermal_pictures.png       of a recording, a few moments: raw, calibrated, tracks by kind
+//   thermal_corners.csv        at these moments: how strongly corners respond, raw and calibrated
 //
 // A run with a reference flown alone keeps that in RUN/solo/<agent>/, in the same files.
 #pragma once
@@ -37,10 +39,12 @@ inline constexpr char kLinkFile[] = "link.csv";
 inline constexpr char kExchangeFile[] = "exchange.csv";
 inline constexpr char kThermalFile[] = "thermal.csv";
 inline constexpr char kFieldFile[] = "thermal_field.csv";
+inline constexpr char kPicturesFile[] = "thermal_pictures.png";
+inline constexpr char kCornersFile[] = "thermal_corners.csv";
 // All of them: what is taken away before a drone flies anew.
-inline constexpr const char* kRunFiles[] = {kTrajectoryFile, kCovarianceFile, kGroundTruthFile,
-                                            kTimingsFile,    kLinkFile,       kExchangeFile,
-                                            kThermalFile,    kFieldFile};
+inline constexpr const char* kRunFiles[] = {
+    kTrajectoryFile, kCovarianceFile, kGroundTruthFile, kTimingsFile,  kLinkFile,
+    kExchangeFile,   kThermalFile,    kFieldFile,       kPicturesFile, kCornersFile};
 inline constexpr char kSoloFolder[] = "solo";
 
 // One image: milliseconds of CPU time per stage, then counts.
@@ -86,6 +90,12 @@ struct PhotometricRecord {
   GainOffset map;       // grey levels to those of that image
 };
 
+// Shares of an image's pixels whose Harris response lies about there.
+struct CornerRecord {
+  double log10_response = 0;
+  double raw = 0, calibrated = 0;
+};
+
 // How many lines a full disk has kept out of each file; of those from which it has kept any.
 using LostLines = std::map<std::string, std::int64_t>;
 
@@ -119,6 +129,7 @@ using ThermalWriter = RunFileWriter<PhotometricRecord>;
 
 // 40 cells across, each the mean of what lies in it. `field`: CV_32FC1.
 void write_field(const std::filesystem::path& folder, const cv::Mat& field);
+void write_corners(const std::filesystem::path& folder, const std::vector<CornerRecord>& corners);
 
 // Columns are found by their names in the header line; a missing one is an error that names it.
 [[nodiscard]] std::vector<TimingRecord> read_timings(const std::filesystem::path& file);
@@ -126,6 +137,7 @@ void write_field(const std::filesystem::path& folder, const cv::Mat& field);
 [[nodiscard]] std::vector<ExchangeRecord> read_exchange(const std::filesystem::path& file);
 [[nodiscard]] std::vector<PhotometricRecord> read_thermal(const std::filesystem::path& file);
 [[nodiscard]] cv::Mat read_field(const std::filesystem::path& file);  // CV_32FC1
+[[nodiscard]] std::vector<CornerRecord> read_corners(const std::filesystem::path& file);
 
 extern template class RunFileWriter<TimingRecord>;
 extern template class RunFileWriter<LinkRecord>;

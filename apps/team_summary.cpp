@@ -298,7 +298,9 @@ std::string legend(const RunSummary& run) {
 }  // namespace
 
 void drop_incomplete_lines(const fs::path& folder) {
-  for (const char* name : kRunFiles) drop_incomplete_line(folder / name);
+  for (const std::string name : kRunFiles) {
+    if (name != kPicturesFile) drop_incomplete_line(folder / name);
+  }
 }
 
 RunSummary summarize_team(const TeamOptions& options, const FlightResult& flight,

@@ -12,6 +12,7 @@
 #include <regex>
 #include <stdexcept>
 
+#include "apps/png_file.h"
 #include "apps/report_data.h"
 #include "apps/run_files.h"
 #include "apps/run_summary.h"
@@ -206,6 +207,28 @@ TEST_F(Report, ShowsGainsAndFieldOfThermalCameras) {
     std::ofstream(run() / "uav1" / kFieldFile) << ragged;
     EXPECT_THAT(drawn(), HasSubstr("thermal_field.csv:2"));
   }
+}
+
+TEST_F(Report, ShowsPicturesAndCornersOfThermalFlights) {
+  ThermalWriter(run() / "uav1").write({stamp_of(0), stamp_of(0), {1, 0}});
+  std::string html = drawn();
+  EXPECT_THAT(html, Not(HasSubstr("<img"))) << "a live flight, say";
+  EXPECT_THAT(html, Not(HasSubstr("corner response</")));
+  const std::string file = (run() / "uav1" / kPicturesFile).string();
+  write_png(file, cv::Mat(30, 40, CV_8UC3, cv::Scalar(10, 20, 30)));
+  write_corners(run() / "uav1", {{-8.9, 0.25, 0.125}, {-8.7, 0.5, 0.0625}});
+  html = drawn();
+  EXPECT_THAT(html, HasSubstr("<img alt=\"raw and calibrated images and tracks of uav1\" "
+                              "src=\"data:image/png;base64,iVBORw0KGgo"))
+      << "how each PNG begins";
+  EXPECT_EQ(count(html, "<img"), 1u);
+  EXPECT_EQ(count(html, ">corner response</text>"), 1u);
+  EXPECT_EQ(read_corners(run() / "uav1" / kCornersFile)[1].calibrated, 0.0625);
+
+  std::filesystem::resize_file(file, 60);
+  html = drawn();
+  EXPECT_THAT(html, HasSubstr("<li>uav1/thermal_pictures.png: "));
+  EXPECT_THAT(html, Not(HasSubstr("<img")));
 }
 
 // As a drone tells it that calibrated nothing.

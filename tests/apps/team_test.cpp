@@ -29,6 +29,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 using testing::StartsWith;
 
 constexpr char kDataset[] = COVEY_TEST_FLIGHT;  // two drones, made by the fixture
@@ -287,11 +288,29 @@ TEST_F(Team, MoreDronesThanALinkHoldsAreNamedBeforeAnythingIsTakenAway) {
   EXPECT_EQ(agent_config(options, options.drones.front(), 0).link.max_agents, kMaxAgents);
 }
 
+TEST_F(Team, ThePageOfAThermalFlightHasPicturesAndThatOfAVisualOneHasNot) {
+  const TemporaryFolder folder;
+  const std::string yard = (folder.path() / "yard").string();
+  CoveyProcess simulate(
+      {"simulate", "mars_yard", "--agents", "1", "--seconds", "1", "--rate", "8", "--out", yard});
+  ASSERT_EQ(simulate.finish(), 0) << simulate.output();
+  CoveyProcess thermal({"team", yard, "--mode", "solo", "--out", run_.string()});
+  ASSERT_EQ(thermal.finish(), 0) << thermal.output();
+  const std::string page = file_content(run_ / "report.html");
+  EXPECT_THAT(page, AllOf(HasSubstr("src=\"data:image/png;base64,iVBOR"),
+                          HasSubstr(">corner response</text>")));
+  CoveyProcess visual(command({"--mode", "solo", "--agents", "uav0", "--force"}));
+  ASSERT_EQ(visual.finish(), 0) << visual.output();
+  EXPECT_THAT(file_content(run_ / "report.html"),
+              AllOf(Not(HasSubstr("<img")), Not(HasSubstr("corner response"))));
+}
+
 TEST_F(Team, ForceTakesAwayAllThatAnEarlierRunHasLeft) {
   fs::create_directories(run_ / "uav1");
-  for (const char* file : {"config.json", "agent_summary.json", "status.json", "trajectory.tum",
-                           "trajectory_covariance.csv", "groundtruth.tum", "timings.csv",
-                           "link.csv", "exchange.csv", "thermal.csv", "thermal_field.csv"}) {
+  for (const char* file :
+       {"config.json", "agent_summary.json", "status.json", "trajectory.tum",
+        "trajectory_covariance.csv", "groundtruth.tum", "timings.csv", "link.csv", "exchange.csv",
+        "thermal.csv", "thermal_field.csv", "thermal_pictures.png", "thermal_corners.csv"}) {
     std::ofstream(run_ / "uav1" / file) << "old";
   }
   CoveyProcess covey(command({"--mode", "solo", "--agents", "uav0", "--force"}));
