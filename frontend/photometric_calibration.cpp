@@ -20,7 +20,7 @@ namespace {
 constexpr double kLevelsPerSigma = 128;
 constexpr int kMiddle = ToneCurve::kLevels / 2;
 constexpr int kPatch = 11;      // px, side of the patch whose mean is compared
-constexpr int kSampleStep = 8;  // px, for statistics of the whole image
+constexpr int kSampleStep = 8;  // px, between the pixels that stand for the whole image
 
 int pixel(const cv::Mat& image, int y, int x) {
   return image.depth() == CV_8U ? image.at<std::uint8_t>(y, x) : image.at<std::uint16_t>(y, x);
@@ -156,7 +156,8 @@ struct GreyStatistics {
 // than the whole scene. `greys` must not be empty; their order is lost.
 GreyStatistics winsorised(std::vector<int>& greys) {
   constexpr std::size_t kOutermost = 100;  // one in so many, at either end
-  const auto cut = static_cast<std::ptrdiff_t>(greys.size() / kOutermost);
+  const std::size_t outermost = (greys.size() + kOutermost - 1) / kOutermost;
+  const auto cut = static_cast<std::ptrdiff_t>(std::min(outermost, (greys.size() - 1) / 2));
   const auto low = greys.begin() + cut, high = greys.end() - 1 - cut;
   std::nth_element(greys.begin(), low, greys.end());
   const double least = *low;
@@ -173,11 +174,17 @@ GreyStatistics winsorised(std::vector<int>& greys) {
   return {least + mean, std::sqrt(std::max(0.0, squares / count - mean * mean))};
 }
 
+// px, between the pixels that tell mean and deviation of the whole image
+int statistics_step(const cv::Mat& image) {
+  constexpr double kPixels = 1280;
+  return std::max(1, cvRound(std::sqrt(static_cast<double>(image.total()) / kPixels)));
+}
+
 // Calls visit(x, y, grey) for pixels from all over the image that are not saturated.
 template <typename Visit>
-void for_each_sample(const cv::Mat& image, int white, const Visit& visit) {
-  for (int y = kSampleStep / 2; y < image.rows; y += kSampleStep) {
-    for (int x = kSampleStep / 2; x < image.cols; x += kSampleStep) {
+void for_each_sample(const cv::Mat& image, int white, int step, const Visit& visit) {
+  for (int y = step / 2; y < image.rows; y += step) {
+    for (int x = step / 2; x < image.cols; x += step) {
       const int grey = pixel(image, y, x);
       if (grey > 0 && grey < white) visit(x, y, grey);
     }
@@ -187,7 +194,8 @@ void for_each_sample(const cv::Mat& image, int white, const Visit& visit) {
 // Of the pixels that are not saturated.
 GreyStatistics unsaturated(const cv::Mat& image, int white) {
   std::vector<int> greys;
-  for_each_sample(image, white, [&](int, int, int grey) { greys.push_back(grey); });
+  for_each_sample(image, white, statistics_step(image),
+                  [&](int, int, int grey) { greys.push_back(grey); });
   if (greys.empty()) return {0, 1};
   constexpr double kLeastDeviation = 0.25;  // grey levels
   GreyStatistics statistics = winsorised(greys);
@@ -237,7 +245,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
         config_.temporal ? gain_.estimate(look(expected), field_at(), told_) : gain_.latest();
     build_table(result.map);
   }
-  result.restarted = blind_ || !plausible(levels());
+  result.restarted = blind_ || !plausible(levels(statistics_step(image)));
   if (result.restarted) {
     restart(image);
     result.map = gain_.latest();
@@ -245,7 +253,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   }
   result.chain_ns = chain_ns_;
   blind_ = false;
-  tone_.adapt(levels(), elapsed_s);
+  tone_.adapt(levels(kSampleStep), elapsed_s);
   result.pixels = apply();
   return result;
 }
@@ -429,9 +437,9 @@ void PhotometricCalibration::build_table(const GainOffset& map) {
 }
 
 // Calibrated levels of pixels from all over the image that are not saturated.
-std::vector<int> PhotometricCalibration::levels() const {
+std::vector<int> PhotometricCalibration::levels(int step) const {
   std::vector<int> sample;
-  for_each_sample(image_, white_, [&](int x, int y, int grey) {
+  for_each_sample(image_, white_, step, [&](int x, int y, int grey) {
     const int level = table_[static_cast<std::size_t>(grey)] - bias_.at<std::int16_t>(y, x);
     sample.push_back(std::clamp(level, 0, ToneCurve::kLevels - 1));
   });

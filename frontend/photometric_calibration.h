@@ -104,7 +104,7 @@ class PhotometricCalibration {
   void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
-  [[nodiscard]] std::vector<int> levels() const;
+  [[nodiscard]] std::vector<int> levels(int step_px) const;
 
   PhotometricConfig config_;
   cv::Mat shown_;  // squares that the mask leaves whole
