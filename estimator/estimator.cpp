@@ -81,14 +81,14 @@ struct Estimator::Impl {
   // What is told of the motion.
   const State& told() const { return glimpsed ? glimpsed->state : *state; }
   void update(const TrackList& tracks, UpdateReport& report);
-  void drop_lost_landmarks(const TrackList& tracks, UpdateReport& report);
+  void drop_lost_landmarks(const TrackList& tracks);
   void settle_depths();
   void drop_clone(int index, UpdateReport& report);
   void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void apply(Remedy remedy, UpdateReport& report);
-  void look_again(UpdateReport& report);
-  void end_waiting(TimeNs image_stamp_ns, UpdateReport& report);
+  void look_again();
+  void end_waiting(TimeNs image_stamp_ns);
   void restart(UpdateReport& report);
 
   EstimatorConfig config;
@@ -187,7 +187,7 @@ bool Estimator::Impl::becomes_keyframe(TimeNs image_stamp_ns, const TrackList& t
   return is_new_view(config, change, age);
 }
 
-void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport& report) {
+void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks) {
   for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
     const std::uint64_t id = state->landmarks()[static_cast<std::size_t>(i)].track_id;
     const auto place = std::lower_bound(tracks.begin(), tracks.end(), id,
@@ -196,7 +196,6 @@ void Estimator::Impl::drop_lost_landmarks(const TrackList& tracks, UpdateReport&
                                         });
     if (place != tracks.end() && place->track_id == id) continue;
     state->remove_landmark(i);
-    ++report.slam_lost;
   }
 }
 
@@ -288,7 +287,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
     report.msckf_ms = now_ms() - start_ms;
     return;
   }
-  drop_lost_landmarks(tracks, report);
+  drop_lost_landmarks(tracks);
   const double slam_start = now_ms();
   vision->update_slam(*state, tracks, report);
   const double msckf_start = now_ms();
@@ -330,7 +329,7 @@ void Estimator::Impl::apply(Remedy remedy, UpdateReport& report) {
     case Remedy::kNone:
       break;
     case Remedy::kLookAgain:
-      look_again(report);
+      look_again();
       break;
     case Remedy::kRestart:
       restart(report);
@@ -339,22 +338,20 @@ void Estimator::Impl::apply(Remedy remedy, UpdateReport& report) {
 }
 
 // The next visual update is a batch again, from the present state and covariance.
-void Estimator::Impl::look_again(UpdateReport& report) {
-  for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i) {
+void Estimator::Impl::look_again() {
+  for (int i = static_cast<int>(state->landmarks().size()) - 1; i >= 0; --i)
     state->remove_landmark(i);
-    ++report.slam_lost;
-  }
   state->merge_scale();
   seeing = false;
   waiting_since_ns = health.healthy_ns();
 }
 
 // What was seen too long ago is not waited for any more.
-void Estimator::Impl::end_waiting(TimeNs image_stamp_ns, UpdateReport& report) {
+void Estimator::Impl::end_waiting(TimeNs image_stamp_ns) {
   if (state->clones().empty()) return;
   const double unseen_s = seconds_between(state->clones().back().stamp_ns, image_stamp_ns);
   if (unseen_s <= kLandmarksWait_s) return;
-  look_again(report);
+  look_again();
   store.forget_all_observations();
 }
 
@@ -415,7 +412,7 @@ UpdateReport Estimator::add_camera(const CameraMeasurement& measurement) {
     return report;
   }
   report.propagated = true;
-  self.end_waiting(measurement.stamp_ns, report);
+  self.end_waiting(measurement.stamp_ns);
   const TrackList tracks = sorted_by_id(measurement.tracks);
   self.stillness.add_image(stamp_ns, tracks, self.config);
   if (self.config.zero_velocity_updates && interval) self.stand_still(*interval, report);
@@ -453,7 +450,7 @@ UpdateReport Estimator::pass_image(TimeNs image_stamp_ns) {
   report.propagated = interval.has_value();
   if (report.propagated) {
     self.health.pass(stamp_ns, *interval, self.config);
-    self.end_waiting(image_stamp_ns, report);
+    self.end_waiting(image_stamp_ns);
   } else {
     self.refuse_image(stamp_ns, report);
   }

@@ -162,7 +162,6 @@ void VisionUpdate::update_slam(State& state, const std::vector<TrackObservation>
     const SlamLandmark& landmark = state.landmarks()[static_cast<std::size_t>(i)];
     if (landmark.gated_in_a_row < kGatedUntilDropped && landmark.inverse_depth.z() > 0) continue;
     state.remove_landmark(i);
-    ++report.slam_lost;
   }
 }
 
@@ -613,7 +612,6 @@ void VisionUpdate::reanchor(State& state, int leaving_clone, UpdateReport& repor
     }
     if (!moved_now.in_front || !moved_first.in_front) {
       state.remove_landmark(i);
-      ++report.slam_lost;
       continue;
     }
     Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, state.dimension());
