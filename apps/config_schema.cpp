@@ -76,6 +76,8 @@ void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.flag("temporal", p.temporal, "estimate gain and offset of each image");
   v.count("window", p.gain.window, {1, 100}, "past images an image is compared with");
   v.count("window_spacing", p.gain.spacing, {1, 100}, "images between two of them");
+  v.count("patch_radius_px", p.gain.patch_radius_px, {1, 50},
+          "[px] of the warped patch whose mean is compared");
   v.count("min_shared_tracks", p.gain.min_tracks, {3, 1000}, "of two images that are compared");
   v.count("fit_iterations", p.gain.iterations, {1, 100}, "of reweighting at most");
   v.number("relaxation_s", p.gain.relaxation_s, {1, kManyTimes},
@@ -87,6 +89,12 @@ void visit_temporal(ThermalConfig& thermal, ConfigVisitor& v) {
   v.count("pattern_memory", p.pattern_gain.memory, {1, 1e6}, "looks of each half that count");
   v.number("pattern_gain_sigma", p.pattern_gain.trusted_sigma, {1e-4, 1},
            "relative, of the least certain gain that the pattern may tell");
+  v.count("pattern_fewest_looks", p.pattern_gain.fewest_looks, {2, 1e6},
+          "of both halves, before the pattern is known");
+  v.number("pattern_edge", p.pattern_gain.edge, {1, 1e3},
+           "steps between pixels that are larger are the scene's, of the mean step");
+  v.number("pattern_contradiction_sigmas", p.gain.contradiction_sigmas, {1, 1e3},
+           "standard deviations, from which on tracks deny the pattern's gain");
   v.count("pattern_contradictions", p.pattern_gain.contradictions, {1, 1e6},
           "images in a row in which tracks deny it: the pattern is another one");
 }
@@ -102,8 +110,17 @@ void visit_spatial(ThermalConfig& thermal, ConfigVisitor& v) {
            "of that deviation, left after a shutter event");
   v.number("field_wander_s", p.field.wander_s, {0.1, kManyTimes}, "[s] until it is another");
   v.number("field_refresh_s", p.field.refresh_s, {0.01, 1e3}, "[s] between two sights");
+  v.number("field_least_eigenvalue", p.field.least_eigenvalue, {1e-6, 0.5},
+           "of the largest; weaker modes are left out");
+  v.number("field_soft_sigmas", p.field.soft_sigmas, {0.1, 1e3},
+           "standard deviations, from which on a difference counts less");
   v.count("block_fewest_tracks", p.block.fewest_tracks, {6, 1000}, "of two sights compared");
   v.count("block_iterations", p.block.iterations, {0, 100}, "of aligning a block");
+  v.number("block_near_px", p.block.near_px, {0.1, 1e4},
+           "[px] a nearer track tells a block's flow no better");
+  v.number("block_far_px", p.block.far_px, {0.1, 1e4}, "[px] a farther one hardly");
+  v.number("block_farthest_squares", p.block.farthest_squares, {0.1, 100},
+           "[squares] from where the flow says, where a block is given up");
   v.number("block_flow_sigma_px", p.block.flow_sigma_px, {1e-2, 100},
            "[px] of the place that tracks predict for a block");
   v.number("block_pixel_noise", p.block.pixel_noise, {1e-4, 100},
@@ -121,6 +138,8 @@ void visit_stripes(ThermalConfig& thermal, ConfigVisitor& v) {
            "[px] that the scene moves between two looks");
   v.count("stripe_window_px", p.stripe.window_px, {3, 1000},
           "[px] columns or rows whose mean is the scene's");
+  v.number("stripe_edge", p.stripe.edge, {0.1, 1e3},
+           "steps between pixels that are larger are the scene's, of the mean step");
   v.count("stripe_memory", p.stripe.memory, {1, 1e6}, "looks that count");
   v.count("stripe_kept", p.stripe.kept, {1, 1e6}, "of them after a shutter event, at most");
   v.count("stripe_trial", p.stripe.trial, {0, 1e6}, "looks after which stripes are half believed");
@@ -142,6 +161,14 @@ void visit_image_defects(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("bad_pixel_travel_px", p.bad_pixels.travel_px, {0, 1e3},
            "[px] that the scene moves between two checks");
   v.count("bad_pixel_checks", p.bad_pixels.checks, {1, 100}, "in a row");
+  v.number("bad_pixel_most_share", p.bad_pixels.most_share, {0, 1},
+           "of the pixels; where more stand out none is replaced");
+  v.number("cut_off_share", p.cut_off_share, {1e-5, 1},
+           "of the pixels that have the same largest value: there the sensor is saturated");
+  v.number("chain_most_stretch", p.chain.most_stretch, {1.1, 1e3},
+           "of the image's spread, against the chain's first, beyond which it begins anew");
+  v.number("chain_most_shift", p.chain.most_shift, {0.1, 16},
+           "standard deviations of that image, likewise, of the mean");
 }
 
 void visit_tone(ThermalConfig& thermal, ConfigVisitor& v) {
@@ -150,6 +177,8 @@ void visit_tone(ThermalConfig& thermal, ConfigVisitor& v) {
   v.number("tone_ignored_share", tone.ignored_share, {0, 0.4},
            "of the darkest and of the brightest pixels");
   v.number("tone_max_slope", tone.max_slope, {1, 100}, "of the equalised curve, over the linear");
+  v.number("tone_min_slope", tone.min_slope, {0, 1}, "of the equalised curve, over the linear");
+  v.count("tone_margin", tone.margin, {0, 100}, "[grey levels] left free at either end");
   v.number("tone_adapt_s", tone.adapt_s, {0.01, kManyTimes}, "[s] time constant of the curve");
 }
 

@@ -73,8 +73,10 @@ std::vector<Motion> shared(const std::vector<TrackGrey>& here,
 // depart from it.
 class Flow {
  public:
-  Flow(std::vector<Motion> motions, const cv::Size& image)
+  Flow(std::vector<Motion> motions, const cv::Size& image, const BlockConfig& config)
       : motions_(std::move(motions)),
+        near2_(config.near_px * config.near_px),
+        far2_(config.far_px * config.far_px),
         centre_(0.5 * image.width, 0.5 * image.height),
         scale_(0.5 * image.width) {
     const auto rows = static_cast<Eigen::Index>(motions_.size());
@@ -89,11 +91,10 @@ class Flow {
   }
 
   [[nodiscard]] Eigen::Vector2d there(const Eigen::Vector2d& here) const {
-    constexpr double kNear = 16, kFar = 120;  // px: nearer counts no more; farther hardly
-    double total = 1 / (kFar * kFar);
+    double total = 1 / far2_;
     Eigen::Vector2d rest = Eigen::Vector2d::Zero();
     for (const auto& [distance2, i] : nearest(here)) {
-      const double weight = 1 / (distance2 + kNear * kNear);
+      const double weight = 1 / (distance2 + near2_);
       rest += weight * rest_.row(i).transpose();
       total += weight;
     }
@@ -128,6 +129,7 @@ class Flow {
   }
 
   std::vector<Motion> motions_;
+  double near2_, far2_;  // px^2
   Eigen::Vector2d centre_;
   double scale_;                                   // px
   Eigen::Matrix<double, kTerms, 2> coefficients_;  // px
@@ -198,7 +200,6 @@ struct Counterpart {
 // in its place.
 std::optional<Counterpart> follow(const Texture& block, const Eigen::Vector2d& here,
                                   const Flow& flow, const Sight& sight, const BlockConfig& config) {
-  constexpr double kFarthest = 2;  // squares, from where the flow says
   constexpr double kNoisy_px = 4;  // side of a square that has config.pixel_noise
   const cv::Mat& levels = sight.levels;
   // Noise of a square, and the flow's error in squares: a smaller one has more of either.
@@ -213,7 +214,7 @@ std::optional<Counterpart> follow(const Texture& block, const Eigen::Vector2d& h
     const Eigen::Vector2d b =
         (found->slopes.transpose() * (block.values - found->values)).cast<double>();
     place += H.inverse() * (b - prior * (place - start));
-    if ((place - start).norm() > kFarthest) return std::nullopt;
+    if ((place - start).norm() > config.farthest_squares) return std::nullopt;
     found = texture(levels, place, slope);
   }
   if (!found) return std::nullopt;
@@ -253,8 +254,8 @@ std::vector<FieldDifference> compare_blocks(const Sight& before, const Sight& no
     return found;
   }
   const cv::Size image(now.side_px * now.levels.cols, now.side_px * now.levels.rows);
-  const Flow to_now(shared(before.tracks, now.tracks), image);
-  const Flow to_before(std::move(back), image);
+  const Flow to_now(shared(before.tracks, now.tracks), image, config);
+  const Flow to_before(std::move(back), image, config);
   const int columns = now.levels.cols / kBlock, rows = now.levels.rows / kBlock;
   for (int i = 0; i < columns * rows; ++i) {
     const int column = i % columns, row = i / columns;

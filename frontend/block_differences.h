@@ -16,12 +16,15 @@
 namespace covey {
 
 struct BlockConfig {
-  int fewest_tracks = 12;     // shared by two sights, otherwise they are not compared
-  int iterations = 2;         // of aligning a block
-  double flow_sigma_px = 1;   // px, of the place that tracks predict for a block
-  double pixel_noise = 0.05;  // of 4x4 px, of the image's standard deviation
-  double level_noise = 0.02;  // of the mean of a block that fits perfectly, likewise
-  double misfit_noise = 0.3;  // of that mean for each unit of what the texture differs, RMS
+  int fewest_tracks = 12;       // shared by two sights, otherwise they are not compared
+  int iterations = 2;           // of aligning a block
+  double near_px = 16;          // px: a track that is nearer to a block tells its flow no better,
+  double far_px = 120;          // px: one that is farther away hardly
+  double flow_sigma_px = 1;     // px, of the place that tracks predict for a block
+  double farthest_squares = 2;  // squares from that place, where a block is given up
+  double pixel_noise = 0.05;    // of 4x4 px, of the image's standard deviation
+  double level_noise = 0.02;    // of the mean of a block that fits perfectly, likewise
+  double misfit_noise = 0.3;    // of that mean for each unit of what the texture differs, RMS
 };
 
 struct Sight {

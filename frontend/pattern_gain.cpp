@@ -13,7 +13,6 @@
 namespace covey {
 namespace {
 
-constexpr int kFewestLooks = 4;  // of both halves together
 constexpr std::int16_t kNoStep = INT16_MIN;
 // Blocks of the image, each of which gives an answer of its own. What stands still in the scene are
 // edges along which the camera flies, and they run down the image rather than across.
@@ -65,12 +64,13 @@ void steps_of_row(const Pixel* row, int count, int white, int edge_steps, std::i
 // The steps of an image, row by row.
 class Steps {
  public:
-  Steps(const cv::Mat& image, int white)
+  // `edge`: PatternGainConfig's.
+  Steps(const cv::Mat& image, int white, double edge)
       : image_(image), white_(white), row_(static_cast<std::size_t>(image.cols), kNoStep) {
-    constexpr double kEdge = 6, kMostEdge = 8000;  // times the mean step; grey levels
+    constexpr double kMostEdge = 8000;  // grey levels
     const double mean =
         is_small() ? mean_step<std::uint8_t>(image) : mean_step<std::uint16_t>(image);
-    edge_ = static_cast<int>(std::min(std::ceil(kEdge * mean), kMostEdge));
+    edge_ = static_cast<int>(std::min(std::ceil(edge * mean), kMostEdge));
   }
 
   // Valid until the next row is asked for.
@@ -189,12 +189,12 @@ void PatternGain::learn_waiting() {
   cv::Mat& half = halves_[static_cast<std::size_t>(looks_ % 2)];
   const int before = std::min(looks_ / 2, config_.memory - 1);
   ++looks_;
-  Steps steps(waiting_.image, waiting_.white);
+  Steps steps(waiting_.image, waiting_.white, config_.edge);
   for (int y = 0; y < half.rows; ++y) {
     learn(steps.of_row(2 * y), static_cast<float>(waiting_.gain),
           1 / static_cast<float>(before + 1), half.ptr<float>(y));
   }
-  if (looks_ >= kFewestLooks) tell_pattern();
+  if (looks_ >= config_.fewest_looks) tell_pattern();
 }
 
 void PatternGain::tell_pattern() {
@@ -220,7 +220,7 @@ void PatternGain::tell_pattern() {
 }
 
 std::optional<MeasuredGain> PatternGain::against_pattern(const cv::Mat& image, int white) const {
-  Steps steps(image, white);
+  Steps steps(image, white, config_.edge);
   std::vector<double> found, wanted;
   for (int i = 0; i < kDown; ++i) {
     const cv::Range rows = part(pattern_.rows, i, kDown);

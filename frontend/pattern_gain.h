@@ -16,8 +16,10 @@
 namespace covey {
 
 struct PatternGainConfig {
-  double travel_px = 6;        // that the scene moves between two looks, px
-  int memory = 50;             // looks that count, of each half
+  double travel_px = 6;  // that the scene moves between two looks, px
+  int memory = 50;       // looks that count, of each half
+  int fewest_looks = 4;  // of both halves together, before it is known
+  double edge = 6;       // times the mean step: a larger one is the scene's, not the pattern's
   double trusted_sigma = 0.1;  // of the logarithm of a gain; what is less certain is not told
   int contradictions = 15;  // images in a row in which tracks deny it: the pattern is another one
 };

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <utility>
 
@@ -19,7 +18,6 @@ namespace {
 // Calibrated levels: the first image's mean in the middle, its deviation this many levels.
 constexpr double kLevelsPerSigma = 128;
 constexpr int kMiddle = ToneCurve::kLevels / 2;
-constexpr int kPatch = 11;      // px, side of the patch whose mean is compared
 constexpr int kSampleStep = 8;  // px, between the pixels that stand for the whole image
 
 int pixel(const cv::Mat& image, int y, int x) {
@@ -30,18 +28,19 @@ int pixel(const cv::Mat& image, int y, int x) {
 // a square of the image is that of less of the scene, which looks like a change of gain. Nothing at
 // the image's edge, nor where a pixel has no value of its own: black, `white`, or all equal.
 template <typename Pixel>
-std::optional<double> patch_grey(const cv::Mat& image, int white, const PatchPlace& place) {
-  constexpr int kRadius = kPatch / 2;
-  if (!inside(image, place, kRadius)) return std::nullopt;
-  const Eigen::Vector2d lowest = place.pixel - kRadius * place.affine.cwiseAbs().rowwise().sum();
+std::optional<double> patch_grey(const cv::Mat& image, int white, const PatchPlace& place,
+                                 int radius_px) {
+  if (!inside(image, place, radius_px)) return std::nullopt;
+  const Eigen::Vector2d lowest = place.pixel - radius_px * place.affine.cwiseAbs().rowwise().sum();
   const Eigen::Vector2f step = place.affine.col(0).cast<float>();
   float sum = 0;  // of what differs from the first pixel
   Pixel least = std::numeric_limits<Pixel>::max(), most = 0;
   const float base = image.at<Pixel>(static_cast<int>(lowest.y()), static_cast<int>(lowest.x()));
-  for (int v = -kRadius; v <= kRadius; ++v) {
+  const int side_px = 2 * radius_px + 1;
+  for (int v = -radius_px; v <= radius_px; ++v) {
     Eigen::Vector2f p =
-        (place.pixel + place.affine * Eigen::Vector2d(-kRadius, v)).template cast<float>();
-    for (int u = 0; u < kPatch; ++u, p += step) {
+        (place.pixel + place.affine * Eigen::Vector2d(-radius_px, v)).template cast<float>();
+    for (int u = 0; u < side_px; ++u, p += step) {
       const int x = static_cast<int>(p.x()), y = static_cast<int>(p.y());
       const float fx = p.x() - static_cast<float>(x), fy = p.y() - static_cast<float>(y);
       const Pixel* above = image.ptr<Pixel>(y) + x;
@@ -54,8 +53,7 @@ std::optional<double> patch_grey(const cv::Mat& image, int white, const PatchPla
     }
   }
   if (least == most || least == 0 || most >= white) return std::nullopt;
-  constexpr float kPixels = kPatch * kPatch;
-  return base + sum / kPixels;
+  return base + sum / static_cast<float>(side_px * side_px);
 }
 
 template <typename Pixel>
@@ -93,10 +91,6 @@ double median_travel(const std::vector<FieldDifference>& blocks) {
   return travels.empty() ? 0 : median(std::move(travels));
 }
 
-bool by_rows(const cv::Point& a, const cv::Point& b) {
-  return std::pair(a.y, a.x) < std::pair(b.y, b.x);
-}
-
 // By how much tracks have moved, px; nothing where none is in both.
 std::optional<double> median_travel(const std::vector<TrackGrey>& before,
                                     const std::vector<TrackGrey>& now) {
@@ -110,42 +104,6 @@ std::optional<double> median_travel(const std::vector<TrackGrey>& before,
   }
   if (travels.empty()) return std::nullopt;
   return median(std::move(travels));
-}
-
-// Pixels that differ from their neighbours' median by so many of what is typical, by rows.
-std::vector<cv::Point> standing_out(const cv::Mat& image, double deviations) {
-  constexpr double kPerMeanAbsolute = 1.25;  // standard deviation
-  cv::Mat smooth, difference, above;
-  cv::medianBlur(image, smooth, 3);
-  cv::absdiff(image, smooth, difference);
-  double total = 0;
-  int count = 0;
-  for (int y = 0; y < image.rows; y += kSampleStep, ++count) {
-    const cv::Mat row = difference.row(y);
-    total += cv::mean(row)[0];
-  }
-  const double typical = std::max(0.5, total / std::max(1, count));
-  cv::compare(difference, deviations * kPerMeanAbsolute * typical, above, cv::CMP_GT);
-  std::vector<cv::Point> found;
-  cv::findNonZero(above, found);
-  return found;
-}
-
-// The mean of the pixels beside it that are not replaced themselves.
-void replace(cv::Mat& image, const std::vector<cv::Point>& bad) {
-  const auto is_bad = [&bad](const cv::Point& p) {
-    return std::binary_search(bad.begin(), bad.end(), p, by_rows);
-  };
-  const cv::Rect inside(0, 0, image.cols, image.rows);
-  for (const cv::Point& p : bad) {
-    int sum = 0, count = 0;
-    for (const cv::Point& beside : {cv::Point(-1, 0), {1, 0}, {0, -1}, {0, 1}}) {
-      if (!inside.contains(p + beside) || is_bad(p + beside)) continue;
-      sum += image.at<std::uint8_t>(p + beside);
-      ++count;
-    }
-    if (count > 0) image.at<std::uint8_t>(p) = static_cast<std::uint8_t>(sum / count);
-  }
 }
 
 struct GreyStatistics {
@@ -204,12 +162,12 @@ GreyStatistics unsaturated(const cv::Mat& image, int white) {
 }
 
 // A chain that has gone astray squeezes the image into few levels, or pushes it out of their range.
-bool plausible(std::vector<int> levels) {
-  constexpr double kMost = 5;  // times narrower or wider than at its start
+bool plausible(std::vector<int> levels, const ChainConfig& chain) {
   if (levels.empty()) return true;
   const auto [mean, deviation] = winsorised(levels);
-  return deviation > kLevelsPerSigma / kMost && deviation < kLevelsPerSigma * kMost &&
-         std::abs(mean - kMiddle) < 0.35 * ToneCurve::kLevels;
+  return deviation > kLevelsPerSigma / chain.most_stretch &&
+         deviation < kLevelsPerSigma * chain.most_stretch &&
+         std::abs(mean - kMiddle) < chain.most_shift * kLevelsPerSigma;
 }
 
 }  // namespace
@@ -223,6 +181,7 @@ PhotometricCalibration::PhotometricCalibration(const PhotometricConfig& config, 
       field_(config.field, image_size),
       stripes_(config.stripe, image_size),
       pattern_gain_(config.pattern_gain),
+      bad_pixels_(config.bad_pixels),
       tone_(config.tone),
       bias_(cv::Mat::zeros(image_size, CV_16SC1)) {}
 
@@ -237,7 +196,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
   }
   const double elapsed_s = stamp_ns_ == 0 ? 0 : seconds_between(stamp_ns_, stamp_ns);
   image_ = image;
-  white_ = white_level(image);
+  white_ = white_level(image, config_.cut_off_share);
   stamp_ns_ = stamp_ns;
   told_ = blind_ ? std::nullopt : pattern_gain_.measure(image_, white_);
   if (!blind_) {
@@ -245,7 +204,7 @@ CalibratedImage PhotometricCalibration::correct(TimeNs stamp_ns, const cv::Mat& 
         config_.temporal ? gain_.estimate(look(expected), field_at(), told_) : gain_.latest();
     build_table(result.map);
   }
-  result.restarted = blind_ || !plausible(levels(statistics_step(image)));
+  result.restarted = blind_ || !plausible(levels(statistics_step(image)), config_.chain);
   if (result.restarted) {
     restart(image);
     result.map = gain_.latest();
@@ -297,10 +256,11 @@ GainOffset PhotometricCalibration::like_the_first() const {
 std::vector<TrackGrey> PhotometricCalibration::look(const std::vector<TrackPlace>& places) const {
   std::vector<TrackGrey> seen;
   seen.reserve(places.size());
+  const int radius_px = config_.gain.patch_radius_px;
   for (const TrackPlace& track : places) {
     const auto grey = image_.depth() == CV_8U
-                          ? patch_grey<std::uint8_t>(image_, white_, track.place)
-                          : patch_grey<std::uint16_t>(image_, white_, track.place);
+                          ? patch_grey<std::uint8_t>(image_, white_, track.place, radius_px)
+                          : patch_grey<std::uint16_t>(image_, white_, track.place, radius_px);
     if (grey) seen.push_back({track.patch_id, track.place.pixel, *grey});
   }
   std::sort(seen.begin(), seen.end(),
@@ -355,7 +315,7 @@ void PhotometricCalibration::check_pixels() {
   if (seconds_between(checked_ns_, stamp_ns_) < config_.bad_pixels.interval_s) return;
   if (!has_moved(checked_, config_.bad_pixels.travel_px)) return;
   checked_ns_ = stamp_ns_;
-  find_bad_pixels(image_);
+  bad_pixels_.look(image_);
 }
 
 // What the field did to the scene since it was last looked at, and the stripes to the image if the
@@ -394,7 +354,7 @@ cv::Mat PhotometricCalibration::sensor_levels() const {
 Sight PhotometricCalibration::sight() const {
   const int side_px = square_side(image_.size());
   Sight sight{side_px, square_means(image_, white_, side_px, shown_), seen_};
-  for (const cv::Point& bad : bad_pixels_) {
+  for (const cv::Point& bad : bad_pixels_.found()) {
     const cv::Point square = bad / side_px;
     if (square.x >= sight.levels.cols || square.y >= sight.levels.rows) continue;
     sight.levels.at<float>(square) = std::numeric_limits<float>::quiet_NaN();
@@ -402,26 +362,6 @@ Sight PhotometricCalibration::sight() const {
   const GainOffset& map = gain_.latest();
   sight.levels.convertTo(sight.levels, CV_32F, map.gain / sigma_, (map.offset - centre_) / sigma_);
   return sight;
-}
-
-// Pixels that always stand out against their neighbours, while the scene moves past them. Many
-// stand out once in a busy scene, hardly any for long.
-void PhotometricCalibration::find_bad_pixels(const cv::Mat& image) {
-  constexpr int kPlausible = 500;  // one pixel in so many may be bad; more is something else
-  std::vector<cv::Point> found = standing_out(image, config_.bad_pixels.deviations);
-  std::vector<int> suspicion(found.size(), 1);
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    const auto before = std::lower_bound(suspects_.begin(), suspects_.end(), found[i], by_rows);
-    if (before == suspects_.end() || *before != found[i]) continue;
-    suspicion[i] += suspicion_[static_cast<std::size_t>(before - suspects_.begin())];
-  }
-  suspects_ = std::move(found);
-  suspicion_ = std::move(suspicion);
-  bad_pixels_.clear();
-  for (std::size_t i = 0; i < suspects_.size(); ++i) {
-    if (suspicion_[i] >= config_.bad_pixels.checks) bad_pixels_.push_back(suspects_[i]);
-  }
-  if (bad_pixels_.size() >= image.total() / kPlausible) bad_pixels_.clear();
 }
 
 void PhotometricCalibration::build_table(const GainOffset& map) {
@@ -453,7 +393,7 @@ cv::Mat PhotometricCalibration::apply() const {
   } else {
     look_up<std::uint16_t>(image_, table_, bias_, tone_.table(), grey);
   }
-  replace(grey, bad_pixels_);
+  bad_pixels_.replace(grey);
   return grey;
 }
 

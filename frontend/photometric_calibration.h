@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "frontend/bad_pixels.h"
 #include "frontend/block_differences.h"
 #include "frontend/shutter_detector.h"
 #include "frontend/spatial_field.h"
@@ -27,11 +28,10 @@
 
 namespace covey {
 
-struct BadPixelConfig {
-  double interval_s = 1;  // s between two checks
-  double deviations = 8;  // from the median of its neighbours, robust deviations of all pixels
-  double travel_px = 4;   // of the scene between two checks
-  int checks = 3;         // one after the other, before a pixel is replaced
+// Against the chain's first image, beyond which a chain has gone astray.
+struct ChainConfig {
+  double most_stretch = 5;   // times narrower or wider
+  double most_shift = 11.2;  // of its mean, that image's standard deviations
 };
 
 struct PhotometricConfig {
@@ -45,6 +45,8 @@ struct PhotometricConfig {
   StripeConfig stripe;
   ShutterConfig shutter;
   BadPixelConfig bad_pixels;
+  double cut_off_share = 0.005;  // of the pixels: see white_level.h
+  ChainConfig chain;
   ToneConfig tone;
 };
 
@@ -86,7 +88,7 @@ class PhotometricCalibration {
   [[nodiscard]] cv::Mat field() const;
   // Of the tracks in the last image that was observed, rising ids.
   [[nodiscard]] std::vector<PatchLevel> patch_levels() const;
-  [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_; }
+  [[nodiscard]] const std::vector<cv::Point>& bad_pixels() const { return bad_pixels_.found(); }
 
  private:
   void restart(const cv::Mat& image);
@@ -101,7 +103,6 @@ class PhotometricCalibration {
   [[nodiscard]] bool has_moved(std::vector<TrackGrey>& since, double travel_px) const;
   void look_at_pattern();
   void check_pixels();
-  void find_bad_pixels(const cv::Mat& image);
   void build_table(const GainOffset& map);
   [[nodiscard]] cv::Mat apply() const;
   [[nodiscard]] std::vector<int> levels(int step_px) const;
@@ -116,20 +117,19 @@ class PhotometricCalibration {
   std::optional<MeasuredGain> told_;  // by the pattern, of the current image
   std::vector<TrackGrey> looked_;     // when the pattern was looked at for the last time
   double travelled_px_ = 0;           // by the scene, since the stripes were looked at
+  BadPixels bad_pixels_;
   ToneCurve tone_;
 
   cv::Mat image_;    // the current one, as it came; empty when it shows no scene
   int white_ = 255;  // its grey level where the sensor is saturated
   bool blind_ = true;
   TimeNs stamp_ns_ = 0, chain_ns_ = 0, refreshed_ns_ = 0, checked_ns_ = 0;
-  double centre_ = 0, sigma_ = 1;                 // of the chain's first image, grey levels
-  std::vector<std::int16_t> table_;               // image's grey level to calibrated level
-  cv::Mat bias_;                                  // CV_16SC1, field and stripes, calibrated levels
-  std::vector<TrackGrey> seen_;                   // in the last image; by patch
-  Sight last_sight_;                              // at the last refresh
-  std::vector<TrackGrey> checked_;                // when pixels were checked for the last time
-  std::vector<cv::Point> suspects_, bad_pixels_;  // by rows
-  std::vector<int> suspicion_;                    // checks in which suspects_[i] stood out
+  double centre_ = 0, sigma_ = 1;    // of the chain's first image, grey levels
+  std::vector<std::int16_t> table_;  // image's grey level to calibrated level
+  cv::Mat bias_;                     // CV_16SC1, field and stripes, calibrated levels
+  std::vector<TrackGrey> seen_;      // in the last image; by patch
+  Sight last_sight_;                 // at the last refresh
+  std::vector<TrackGrey> checked_;   // when pixels were checked for the last time
 };
 
 }  // namespace covey

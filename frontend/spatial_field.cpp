@@ -14,8 +14,6 @@
 namespace covey {
 namespace {
 
-constexpr double kLeastEigenvalue = 1e-3;  // of the largest; weaker modes are left out
-
 // Of the kernel between `nodes` equally spaced nodes, one cell apart; ascending.
 Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> kernel_modes(int nodes, double length_cells) {
   Eigen::MatrixXd K(nodes, nodes);
@@ -37,7 +35,7 @@ Eigen::MatrixXd grid_modes(int columns, int rows, const SpatialConfig& config) {
   for (int i = columns - 1; i >= 0; --i) {
     for (int j = rows - 1; j >= 0; --j) {
       const double eigenvalue = along_x.eigenvalues()(i) * along_y.eigenvalues()(j);
-      if (eigenvalue < kLeastEigenvalue * largest) break;
+      if (eigenvalue < config.least_eigenvalue * largest) break;
       const Eigen::MatrixXd product =  // columns x rows: column by column is row by row of the grid
           along_x.eigenvectors().col(i) * along_y.eigenvectors().col(j).transpose();
       kept.emplace_back(config.sigma * std::sqrt(eigenvalue) * product.reshaped());
@@ -54,15 +52,15 @@ double median_size(const Eigen::VectorXd& values) {
 
 // Patches that slid, or met a depth edge, count less: square roots of Cauchy's weights of what is
 // left, in units of the noise, when the nuisance that fits best has been taken out.
-Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd& nuisance) {
+Eigen::VectorXd weights(const Eigen::VectorXd& residuals, const Eigen::MatrixXd& nuisance,
+                        double soft_sigmas) {
   constexpr int kRounds = 3;
-  constexpr double kSoft = 3;  // standard deviations
   Eigen::VectorXd weight = Eigen::VectorXd::Ones(residuals.size());
   for (int round = 0; round < kRounds; ++round) {
     const Eigen::MatrixXd A = weight.asDiagonal() * nuisance;
     const Eigen::VectorXd b = weight.asDiagonal() * residuals;
     const Eigen::VectorXd rest = (residuals - nuisance * A.householderQr().solve(b)).cwiseAbs();
-    const double scale = kSoft * std::max(1.48 * median_size(rest), 1.0);
+    const double scale = soft_sigmas * std::max(1.48 * median_size(rest), 1.0);
     weight = (1 + (rest / scale).array().square()).rsqrt();
   }
   return weight;
@@ -140,7 +138,7 @@ SpatialField::Evidence SpatialField::evidence(
   };
   weigh(certainty);
   const Eigen::VectorXd expected = keep * A.leftCols(modes) * mean_ + A.rightCols(modes) * mean_;
-  weigh(weights(y - expected, nuisance));
+  weigh(weights(y - expected, nuisance, config_.soft_sigmas));
   const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(nuisance).householderQ() *
                             Eigen::MatrixXd::Identity(rows, 2);
   A -= Q * (Q.transpose() * A).eval();

@@ -22,6 +22,8 @@ struct SpatialConfig {
   double corrected_share = 0.3;  // of it, left when the camera has looked at its shutter
   double wander_s = 25;          // s, time constant with which the field becomes another
   double refresh_s = 0.15;       // s between two sights
+  double least_eigenvalue = 1e-3;  // of the largest; weaker modes are left out
+  double soft_sigmas = 3;          // by which a difference may be off before it counts less
 };
 
 // The same piece of the scene in two images: where it was and its grey level, in the image's

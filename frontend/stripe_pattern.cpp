@@ -101,8 +101,7 @@ StripePattern::StripePattern(const StripeConfig& config, cv::Size image_size)
       row_steps_(static_cast<std::size_t>(image_size.height - 1), 0) {}
 
 void StripePattern::look(const cv::Mat& levels) {
-  constexpr float kEdge = 2;  // times what neighbours typically differ by
-  const float reach = kEdge * typical_step(levels);
+  const float reach = static_cast<float>(config_.edge) * typical_step(levels);
   Steps columns(column_steps_, reach), rows(row_steps_, reach);
   for (int y = 0; y < levels.rows; ++y) {
     add_across(levels.ptr<std::int16_t>(y), columns);

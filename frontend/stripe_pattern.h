@@ -16,6 +16,7 @@ namespace covey {
 struct StripeConfig {
   double travel_px = 10;  // that the scene moves between two looks, px
   int window_px = 15;     // columns or rows whose mean is the scene's: stripes are narrower
+  double edge = 2;        // times what neighbours typically differ by: more is the scene's
   int memory = 100;       // looks that count
   int trial = 3;          // looks after which stripes are half believed
   int kept = 10;          // looks that count after the camera looked at its shutter, at most

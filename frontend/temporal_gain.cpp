@@ -238,9 +238,8 @@ GainOffset TemporalGain::estimate(const PresentImage& present,
 bool TemporalGain::contradicts(const PresentImage& present, const MeasuredGain& told) const {
   if (images_.empty()) return false;
   const auto map = against(images_[images_.size() / 2], present, std::nullopt);
-  constexpr double kFar = 5;  // standard deviations
   return map && std::abs(told.log_gain - std::log(map->gain)) >
-                    kFar * std::hypot(config_.link_sigma, told.sigma);
+                    config_.contradiction_sigmas * std::hypot(config_.link_sigma, told.sigma);
 }
 
 GainOffset TemporalGain::relaxed(const GainOffset& map, const GainOffset& anchor, double grey,

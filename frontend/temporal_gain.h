@@ -27,12 +27,14 @@ struct GainOffset {
 };
 
 struct TemporalConfig {
-  int window = 10;           // past images an image is compared with
-  int spacing = 3;           // images between two of them
-  int min_tracks = 12;       // shared with a past image, otherwise the two are not compared
-  int iterations = 20;       // of reweighting at most
-  double relaxation_s = 5;   // s, time constant of the pull back to what add() is given
-  double link_sigma = 0.02;  // of the logarithm of the gain that tracks tell
+  int window = 10;                  // past images an image is compared with
+  int spacing = 3;                  // images between two of them
+  int patch_radius_px = 5;          // px, of the warped patch whose mean is compared: 11 x 11
+  int min_tracks = 12;              // shared with a past image, otherwise the two are not compared
+  int iterations = 20;              // of reweighting at most
+  double relaxation_s = 5;          // s, time constant of the pull back to what add() is given
+  double link_sigma = 0.02;         // of the logarithm of the gain that tracks tell
+  double contradiction_sigmas = 5;  // by which it differs from what the pattern tells: they deny it
 };
 
 // The same patch in two images: its mean, grey levels of either.

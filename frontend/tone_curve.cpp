@@ -6,13 +6,6 @@
 #include <cstddef>
 
 namespace covey {
-namespace {
-
-// Grey levels left free at either end, so that what is a little hotter still differs.
-constexpr double kDarkest = 8, kBrightest = 247;
-
-}  // namespace
-
 void ToneCurve::reset() {
   empty_ = true;
   share_.fill(1.0 / kBins);
@@ -43,22 +36,22 @@ void ToneCurve::rebuild() {
   double total = 0;
   for (std::size_t i = low; i <= high; ++i) {
     const double wanted = share_[i] * bins;
-    constexpr double kLeastSlope = 0.2;
     slope[i] = config_.contrast == Contrast::kLinear
                    ? 1.0
-                   : std::clamp(wanted, kLeastSlope, config_.max_slope);
+                   : std::clamp(wanted, config_.min_slope, config_.max_slope);
     total += slope[i];
   }
   constexpr int kWide = kLevels / kBins;
-  double grey = kDarkest;
-  const double scale = (kBrightest - kDarkest) / (total * kWide);
-  const double tail = (kBrightest - kDarkest) / (bins * kWide) / 4;  // gently, until black or white
+  const double darkest = config_.margin, brightest = 255 - darkest;
+  double grey = darkest;
+  const double scale = (brightest - darkest) / (total * kWide);
+  const double tail = (brightest - darkest) / (bins * kWide) / 4;  // gently, until black or white
   for (int level = 0; level < kLevels; ++level) {
     const auto bin = static_cast<std::size_t>(level / kWide);
     if (bin < low) {
       const double below = static_cast<double>(low) * kWide - level;
       table_[static_cast<std::size_t>(level)] =
-          static_cast<std::uint8_t>(std::max(0.0, kDarkest - below * tail));
+          static_cast<std::uint8_t>(std::max(0.0, darkest - below * tail));
       continue;
     }
     grey += bin <= high ? slope[bin] * scale : tail;

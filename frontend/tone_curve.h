@@ -17,7 +17,9 @@ struct ToneConfig {
   Contrast contrast = Contrast::kEqualised;
   double ignored_share = 0.002;  // of the pixels, darkest and brightest, need not be told apart
   double max_slope = 3;          // of an equalised curve, times that of the linear one
-  double adapt_s = 1.5;          // s, time constant with which the curve follows the images
+  double min_slope = 0.2;        // of it, likewise
+  int margin = 8;        // grey levels left free at either end: what is hotter still differs
+  double adapt_s = 1.5;  // s, time constant with which the curve follows the images
 };
 
 class ToneCurve {

@@ -9,8 +9,8 @@
 namespace covey {
 
 // `image`: CV_8UC1 or CV_16UC1. The largest value of so many bits wherever a pixel has it; any
-// other largest value where the image is cut off there: many pixels have it, and hardly any have
-// the next one below.
-[[nodiscard]] int white_level(const cv::Mat& image);
+// other largest value where the image is cut off there: a share `cut_off_share` of the pixels has
+// it, and hardly any have the next one below.
+[[nodiscard]] int white_level(const cv::Mat& image, double cut_off_share = 0.005);
 
 }  // namespace covey
