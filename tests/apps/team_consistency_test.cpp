@@ -22,6 +22,7 @@ constexpr int kSeeds = kEnoughForStatistics ? 50 : 2;
 constexpr int kFewSeeds = kEnoughForStatistics ? 40 : 1;
 constexpr int kThreads = 2;
 constexpr std::size_t kDrones = 4, kBadPeer = 3;
+constexpr char kBadName[] = "uav3";
 constexpr std::size_t kBins = 8;  // of time
 constexpr double kLeast = 0.5, kMost = 1.3, kDegreesOfFreedom = 3;
 constexpr std::array<Scenario, 4> kScenarios{Scenario::kRoom, Scenario::kCastleAround,
@@ -123,6 +124,8 @@ TEST(TeamConsistency, ErrorsOfFourDronesTogetherAreAsLargeAsTheCovarianceSays) {
 struct Others {
   double aligned_m = 0, unaligned_m = 0;           // means of the drones' RMSE
   double position_nees = 0, orientation_nees = 0;  // means, over degrees of freedom
+  int believed_bad = 0;                            // drones that used what the last one says
+  int gated = 0;                                   // relative poses
 };
 
 void add(Others& others, const std::vector<TeamMember>& members) {
@@ -133,6 +136,8 @@ void add(Others& others, const std::vector<TeamMember>& members) {
     others.unaligned_m += share * figures.unaligned_m;
     others.position_nees += share * figures.position_nees / kDegreesOfFreedom;
     others.orientation_nees += share * figures.orientation_nees / kDegreesOfFreedom;
+    others.believed_bad += static_cast<int>(members[i].peers.count(kBadName));
+    others.gated += members[i].gated;
   }
 }
 
@@ -144,7 +149,8 @@ void expect_not_hurt(const Others& with_bad_peer, const Others& without) {
   EXPECT_LT(with_bad_peer.orientation_nees, kMost);
 }
 
-// Wrong: by 5 m. Lies: claims a hundredth of its sigmas. Echoes: every answer comes three times.
+// Wrong: by 5 m. Lies: claims a hundredth of its sigmas. Echoes: every answer comes a hundred
+// times.
 TEST(TeamConsistency, OnePeerThatIsWrongOrLiesCostsTheOthersAtMostFivePercent) {
   enum Case : std::size_t { kSilent, kWrong, kLies, kWrongAndLies, kEchoes, kCases };
   std::vector<std::array<std::vector<TeamMember>, kCases>> flown(kFewSeeds);
@@ -163,14 +169,19 @@ TEST(TeamConsistency, OnePeerThatIsWrongOrLiesCostsTheOthersAtMostFivePercent) {
     result[kLies] = with({{0, 0, 0}, 0.01});
     result[kWrongAndLies] = with({{0, 5, 0}, 0.01});
     FeatureExchangeConfig echoing = team.exchange;
-    echoing.copies = 3;
+    echoing.copies = 100;
     result[kEchoes] = together(team, FeatureExchange(echoing, team.solo.names));
   });
   std::array<Others, kCases> others;
   for (const auto& result : flown) {
     for (std::size_t i = 0; i < kCases; ++i) add(others[i], result[i]);
   }
+  EXPECT_EQ(others[kSilent].believed_bad, 0);
+  for (const Case heard : {kLies, kEchoes}) EXPECT_GT(others[heard].believed_bad, 0) << heard;
+  for (const Case off : {kWrong, kWrongAndLies}) EXPECT_GT(others[off].gated, 0) << off;
   if (!kEnoughForStatistics) return;
+  for (const Case off : {kWrong, kWrongAndLies})
+    EXPECT_GT(others[off].gated, 5 * kFewSeeds + others[kSilent].gated) << off;
   for (const Case bad : {kWrong, kLies, kWrongAndLies, kEchoes}) {
     SCOPED_TRACE("case " + std::to_string(bad));
     expect_not_hurt(others[bad], others[kSilent]);

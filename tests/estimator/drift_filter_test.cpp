@@ -186,6 +186,19 @@ TEST(DriftFilter, TheSameKeyframeInTheSameImageIsOneMeasurement) {
   EXPECT_EQ(filter.add(relative(own, 12, other, 11, 5)), DriftOutcome::kUsed);
 }
 
+// What is found here already, and the peer's answer: more of one drone are about the same
+// landmarks, and their errors hang together.
+TEST(DriftFilter, OfOneDroneNoMoreThanTwoKeyframesAreComparedWithOneOfTheOwn) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  DriftFilter filter({}, "uav0");
+  EXPECT_EQ(filter.add(relative(own, 12, other, 12, 3)), DriftOutcome::kUsed);
+  EXPECT_EQ(filter.add(relative(own, 12, other, 11, 4)), DriftOutcome::kUsed);
+  const Eigen::MatrixXd before = filter.covariance();
+  for (int k = 0; k < 10; ++k)
+    EXPECT_EQ(filter.add(relative(own, 12, other, k, 5 + k)), DriftOutcome::kRepeated) << k;
+  EXPECT_EQ(filter.covariance(), before);
+}
+
 TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   RelativePose claimed = found_by_peer(as_told(relative(other, 12, own, 12, 3), "uav1"),
