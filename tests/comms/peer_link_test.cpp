@@ -168,11 +168,13 @@ TEST(PeerLink, ADiscoveryServerFromTheEnvironmentIsRefused) {
   unsetenv("ROS_DISCOVERY_SERVER");
 }
 
+// Drones have the names and numbers that people give them, also beyond 127.
 TEST(PeerLink, ARequestReachesEverybodyAndItsAnswerOnlyTheAsker) {
-  PeerLink asker(team_config("uav0")), other(team_config("uav1")), third(team_config("uav2"));
-  ASSERT_TRUE(asker.wait_for_peers({"uav1", "uav2"}, kPatience));
-  ASSERT_TRUE(other.wait_for_peers({"uav0", "uav2"}, kPatience));
-  ASSERT_TRUE(third.wait_for_peers({"uav0", "uav1"}, kPatience));
+  PeerLink asker(team_config("uav0")), other(team_config("Red_Kite-300")),
+      third(team_config("200"));
+  ASSERT_TRUE(asker.wait_for_peers({"Red_Kite-300", "200"}, kPatience));
+  ASSERT_TRUE(other.wait_for_peers({"uav0", "200"}, kPatience));
+  ASSERT_TRUE(third.wait_for_peers({"uav0", "Red_Kite-300"}, kPatience));
 
   const PlaceAdvert advert = samples::advert("uav0", 5);
   ASSERT_TRUE(asker.send(advert));
@@ -182,7 +184,7 @@ TEST(PeerLink, ARequestReachesEverybodyAndItsAnswerOnlyTheAsker) {
   ASSERT_EQ(heard.size(), 1u);
   EXPECT_EQ(heard[0].descriptor, advert.descriptor);
 
-  PeerKeyframe answer = samples::keyframe("uav1", "uav0");
+  PeerKeyframe answer = samples::keyframe("Red_Kite-300", "uav0");
   answer.request_keyframe_id = heard[0].keyframe_id;
   ASSERT_TRUE(other.send(answer));
   ASSERT_TRUE(asker.wait_for_inbox({0, 1}, kPatience));
@@ -192,7 +194,7 @@ TEST(PeerLink, ARequestReachesEverybodyAndItsAnswerOnlyTheAsker) {
   EXPECT_EQ(answers[0].landmarks.size(), answer.landmarks.size());
 
   // Another request that the third one hears: what was sent before it would have arrived.
-  ASSERT_TRUE(other.send(samples::advert("uav1", 6)));
+  ASSERT_TRUE(other.send(samples::advert("Red_Kite-300", 6)));
   ASSERT_TRUE(third.wait_for_inbox({2, 0}, kPatience));
   EXPECT_EQ(third.arrived().messages, 0u);
   ASSERT_TRUE(asker.wait_for_inbox({1, 0}, kPatience));

@@ -186,6 +186,25 @@ TEST(DriftFilter, TheSameKeyframeInTheSameImageIsOneMeasurement) {
   EXPECT_EQ(filter.add(relative(own, 12, other, 11, 5)), DriftOutcome::kUsed);
 }
 
+TEST(DriftFilter, AnAnswerThatComesLateTellsWhatItWouldHaveToldInTime) {
+  const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
+  const std::vector<std::size_t> in_time{3, 6, 9, 12, 15}, late{3, 9, 12, 15, 6};
+  const auto told = [&](const std::vector<std::size_t>& order) {
+    DriftFilter filter({}, "uav0");
+    for (const std::size_t i : order)
+      EXPECT_EQ(filter.add(relative(own, i, other, i, i)), DriftOutcome::kUsed) << i;
+    return filter.corrected(odometry_at(own.keyframes[18]));
+  };
+  const Odometry expected = told(in_time), found = told(late);
+  const Odometry without = told({3, 9, 12, 15});
+  const auto distance = [&](const Odometry& odometry) {
+    return (odometry.pose.p_world_imu - expected.pose.p_world_imu).norm();
+  };
+  EXPECT_LT(distance(found), 0.3 * distance(without));
+  EXPECT_NEAR(found.pose_covariance.trace(), expected.pose_covariance.trace(),
+              1e-2 * expected.pose_covariance.trace());
+}
+
 // What is found here already, and the peer's answer: more of one drone are about the same
 // landmarks, and their errors hang together.
 TEST(DriftFilter, OfOneDroneNoMoreThanTwoKeyframesAreComparedWithOneOfTheOwn) {
