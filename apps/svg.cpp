@@ -7,6 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "comms/xml_tag.h"
+
 namespace covey {
 namespace {
 
@@ -241,31 +243,7 @@ std::string render_svg(const HeatMap& map) {
          text(kTitleHeight + height + kCaptionHeight - kRim / 2, "", map.caption) + "</svg>\n";
 }
 
-std::string escape_html(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      case '\'':
-        escaped += "&#39;";
-        break;
-      default:
-        escaped += c;
-    }
-  }
-  return escaped;
-}
+std::string escape_html(const std::string& text) { return escaped(text); }
 
 double round_step(double length, double count) {
   const double rough = length / std::max(1.0, count);

@@ -5,7 +5,8 @@
 
 namespace covey {
 
-// What XML would read as its own marks is written out: text for a content or an attribute.
+// What XML, or HTML, would read as its own marks is written out: text for a content or an
+// attribute.
 [[nodiscard]] inline std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
@@ -23,7 +24,7 @@ namespace covey {
         out += "&quot;";
         break;
       case '\'':
-        out += "&apos;";
+        out += "&#39;";
         break;
       default:
         out += c;
