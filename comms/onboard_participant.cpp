@@ -22,7 +22,7 @@
 #include "comms/byte_type.h"
 #include "comms/checked_transport.h"
 #include "comms/dds_log.h"
-#include "comms/participant_deleter.h"
+#include "comms/dds_owners.h"
 #include "comms/qos.h"
 
 namespace covey {
@@ -175,7 +175,7 @@ class OnboardParticipant::Impl {
   const std::shared_ptr<PacketCount> malformed_ = std::make_shared<PacketCount>(0);
   std::vector<std::unique_ptr<Listener>> listeners_;  // outlive the participant that calls them
   ParticipantOwner participant_;
-  dds::Publisher* publisher_ = nullptr;
+  PublisherOwner publisher_;
   dds::Subscriber* subscriber_ = nullptr;
 };
 
@@ -187,7 +187,7 @@ OnboardParticipant::Impl::Impl(const OnboardNetwork& network)
   require(participant_ != nullptr, "cannot create the DDS participant in domain " +
                                        std::to_string(network.domain) +
                                        ": check that UDP ports are free");
-  publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+  publisher_ = create_publisher(*participant_);
   subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   require(publisher_ != nullptr && subscriber_ != nullptr,
           "cannot create DDS publisher and subscriber: out of memory?");

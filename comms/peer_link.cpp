@@ -23,11 +23,11 @@
 #include "comms/checks.h"
 #include "comms/config_check.h"
 #include "comms/dds_log.h"
+#include "comms/dds_owners.h"
 #include "comms/link_events.h"
 #include "comms/link_network.h"
 #include "comms/link_state.h"
 #include "comms/outbox.h"
-#include "comms/participant_deleter.h"
 #include "comms/qos.h"
 
 namespace covey {
@@ -181,15 +181,15 @@ class PeerLink::Impl {
   ReaderEvents message_read_{state_, message_kind_, Channel::kMessageIn};
   ReaderEvents status_read_{state_, Kind::kStatus, Channel::kStatusIn};
   ParticipantOwner participant_;
-  // Owned by the participant.
-  dds::Publisher* publisher_ = nullptr;
+  PublisherOwner publisher_;
+  // Owned by these two.
   dds::Subscriber* subscriber_ = nullptr;
   dds::DataWriter* request_writer_ = nullptr;
   dds::DataWriter* status_writer_ = nullptr;
   dds::DataWriter* odometry_writer_ = nullptr;
 
   mutable std::mutex answer_mutex_;                     // guards the map, not the writers
-  std::map<std::string, AnswerWriter> answer_writers_;  // end before the participant
+  std::map<std::string, AnswerWriter> answer_writers_;  // end before the publisher
 
   std::mutex status_mutex_;  // one status after the other: the newest has to be the last
   AgentStatus status_;
@@ -302,7 +302,7 @@ void PeerLink::Impl::create_participant() {
   require(is_heard_at(wire_->first_port, config_),
           config_.agent + " hears nobody: " + words_on_no_socket(config_));
   state_.set_own_id(peer_id(participant_->guid().guidPrefix));
-  publisher_ = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
+  publisher_ = create_publisher(*participant_);
   subscriber_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   require(publisher_ != nullptr && subscriber_ != nullptr,
           "cannot create DDS publisher and subscriber: out of memory?");
@@ -417,7 +417,7 @@ void PeerLink::Impl::create_answer_writers(const std::set<std::string>& names) {
 PeerLink::Impl::AnswerWriter PeerLink::Impl::create_answer_writer(const std::string& receiver) {
   return {create_writer(message_kind_, &message_written_, receiver), [this](auto* writer) {
             dds::Topic* topic = writer->get_topic();
-            publisher_->delete_datawriter(writer);
+            delete_writer(*publisher_, writer);
             participant_->delete_topic(topic);
           }};
 }

@@ -19,6 +19,7 @@
 #include <thread>
 
 #include "apps/process_usage.h"
+#include "tests/comms/eventually.h"
 
 namespace covey {
 namespace {
@@ -126,7 +127,7 @@ TEST_F(DroneNetworkTest, APartitionOfTheFlightIsKeptToByTheSwitch) {
   EXPECT_EQ(hear(b, kPatience_ms), "before");
   network.frames().begin_flight(steady_ms(), 1);
   say(a, 1, "during");
-  while (network.frames().counts()[0].frames_sent < 2) std::this_thread::yield();
+  ASSERT_TRUE(eventually([&] { return network.frames().counts()[0].frames_sent == 2; }));
   EXPECT_EQ(network.frames().counts()[0].cut, 1U);
 }
 

@@ -21,6 +21,7 @@
 #include "apps/run_folder.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/temporary_folder.h"
+#include "tests/comms/eventually.h"
 
 namespace covey {
 namespace {
@@ -194,7 +195,8 @@ TEST_F(Team, NoDroneFliesOnWhenTheTeamWasKilled) {
 
 TEST_F(Team, CtrlCAtTheStartEndsAtOnceAndLeavesNothing) {
   CoveyProcess covey(command({"--unknown-start"}));
-  while (!find_process((run_ / "uav0" / "config.json").string())) std::this_thread::yield();
+  const std::string drone = run_ / "uav0" / "config.json";
+  ASSERT_TRUE(eventually([&] { return find_process(drone).has_value(); })) << covey.output();
   covey.send(SIGINT);
   EXPECT_EQ(covey.finish(), 1) << covey.output();
   EXPECT_EQ(covey.output(), "covey: interrupted before the drones flew\n");

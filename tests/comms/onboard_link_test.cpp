@@ -17,9 +17,9 @@
 
 #include "comms/byte_type.h"
 #include "comms/datagram_socket.h"
+#include "comms/dds_owners.h"
 #include "comms/onboard_participant.h"
 #include "comms/onboard_topics.h"
-#include "comms/participant_deleter.h"
 #include "comms/qos.h"
 #include "comms/sensor_player.h"
 #include "tests/comms/eventually.h"

@@ -23,8 +23,8 @@
 #include <string>
 
 #include "comms/byte_type.h"
+#include "comms/dds_owners.h"
 #include "comms/onboard_topics.h"
-#include "comms/participant_deleter.h"
 #include "tests/comms/input_ended.h"
 
 namespace covey {
