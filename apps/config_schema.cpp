@@ -328,6 +328,8 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
   v.number("question_min_interval_s", c.question.min_interval_s, {0, 1e3}, "[s] since then");
   v.number("corners_interval_s", c.corners_interval_s, {0, 1e3},
            "[s] between questions that carry corners; those between ask peers that know the world");
+  v.number("repeat_question_s", c.repeat_question_s, {0, 1e3},
+           "[s] until one that nobody answers is asked again where nothing new is seen; 0: never");
   v.number("keyframe_fallback_depth_m", c.keyframe.fallback_depth, {0.01, 1e4},
            "[m] while no landmark is known");
   v.number("keyframe_max_relative_sigma", c.keyframe.max_relative_sigma, {1e-3, 10},

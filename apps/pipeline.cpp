@@ -350,7 +350,7 @@ std::optional<PlaceAdvert> Pipeline::keyframe(TrackedFrame& frame, TimingRecord&
   const auto& [T_world_cam, covariance] = *camera;
   const ExchangeMode exchange = config_.collaboration.exchange;
   const bool wanted = collaborator_->wants_keyframe(frame.stamp_ns, T_world_cam);
-  if (!wanted && exchange == ExchangeMode::kCompact) return std::nullopt;
+  if (!wanted && exchange == ExchangeMode::kCompact) return collaborator_->repeated_question();
   {
     const StageTimer timer(timing.describe_ms);
     tracker_.describe(frame, T_world_cam.linear());

@@ -125,8 +125,15 @@ class VisionUpdate {
                                                const std::vector<const Track*>& tracks,
                                                double depth, std::vector<GlimpsedPoint>& points);
   enum class Points { kKept, kEquallyFar };  // from one iteration to the next
-  [[nodiscard]] std::optional<State> glimpse(const State& state,
-                                             const std::vector<const Track*>& tracks, Points mode);
+  [[nodiscard]] static bool shows_relief(const std::vector<GlimpsedPoint>& points);
+  struct Glimpse {
+    State state;
+    bool relief = false;        // some points are nearer than others
+    bool beyond_doubt = false;  // that it fits
+  };
+  [[nodiscard]] std::optional<Glimpse> glimpse(const State& state,
+                                               const std::vector<const Track*>& tracks,
+                                               Points mode);
   [[nodiscard]] std::optional<GlimpseStep> step_glimpse(const State& prior, State& current);
   // of_depth * d(log depth) + H dx = r
   struct DepthRow {

@@ -198,11 +198,13 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const Imag
 
 bool Collaborator::wants_to_ask() {
   const Keyframe& newest = *database_.last();
+  std::optional<KeyframePose> last;
+  if (asked_) last = asked_->pose;
   if (config_.exchange == ExchangeMode::kCompact &&
-      !is_worth_asking(config_.question, last_asked_, newest.pose, newest.mean_depth)) {
+      !is_worth_asking(config_.question, last, newest.pose, newest.mean_depth)) {
     return false;
   }
-  last_asked_ = newest.pose;
+  asked_ = Asked{newest.pose, now_ns_};
   return true;
 }
 
@@ -215,6 +217,19 @@ PlaceAdvert Collaborator::question(PlaceAdvert advert) {
     corners_told_ns_ = advert.stamp_ns;
   }
   return advert;
+}
+
+std::optional<PlaceAdvert> Collaborator::repeated_question() {
+  constexpr double kLongest_s = 60;
+  if (!asked_ || asked_->answered || config_.repeat_question_s == 0) return std::nullopt;
+  const double patience_s =
+      std::min(std::ldexp(config_.repeat_question_s, asked_->repeats), kLongest_s);
+  if (seconds_between(asked_->asked_ns, now_ns_) < patience_s) return std::nullopt;
+  asked_->asked_ns = now_ns_;
+  ++asked_->repeats;
+  corners_told_ns_ = now_ns_;
+  // The number of an older keyframe would look like another flight's.
+  return advert_of(*database_.last());
 }
 
 PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePyramid& image,
@@ -520,15 +535,23 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
   return view;
 }
 
+void Collaborator::note_answer(const PeerKeyframe& message) {
+  if (asked_ && message.request_keyframe_id >= asked_->pose.keyframe_id) asked_->answered = true;
+}
+
 std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& message) {
   ++report_.keyframes_received;
   std::variant<KeyframeMatch, NoMatch> result = find_matches(message);
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
-    if (was_compared(none->reason) && !message.described) corners_told_ns_.reset();
+    if (was_compared(none->reason)) {
+      note_answer(message);
+      if (!message.described) corners_told_ns_.reset();
+    }
     remember_for_later(message, none->reason);
   } else {
     const auto& match = std::get<KeyframeMatch>(result);
+    note_answer(message);
     remember(message, match.own.T_world_cam * match.T_other_own.inverse());
     learn_tolerance(message, match);
     ++report_.matched;

@@ -64,6 +64,9 @@ struct CollaboratorConfig {
   // whose world is not known. Questions in between are brief, and so are their answers: who knows
   // where the asker is needs no descriptors.
   double corners_interval_s = 3.0;
+  // s, after which a question that nobody has answered is asked again from where the drone still
+  // is; then each time after twice as long, up to a minute. 0: never.
+  double repeat_question_s = 3.0;
   double depth_memory_s = 3.0;  // s, over which depths are measured: PeerKeyframe::before
 
   // Revisiting.
@@ -142,6 +145,10 @@ class Collaborator {
   // answers that came fitted.
   [[nodiscard]] PlaceAdvert question(PlaceAdvert advert);
 
+  // Of the compact exchange, where nothing new is in view: the question or its answer may have been
+  // lost, or who knows the place has come only now. By the newest keyframe, with its corners.
+  [[nodiscard]] std::optional<PlaceAdvert> repeated_question();
+
   // An image between two keyframes, for exchanges at the rate of the camera. Answers find it among
   // the newest; nobody is answered with it.
   PlaceAdvert add_frame(const TrackedFrame& described, const ImagePyramid& image,
@@ -188,6 +195,7 @@ class Collaborator {
                                        const Matrix6d& covariance,
                                        const std::vector<TrackDepth>& depths);
   [[nodiscard]] PlaceAdvert advert_of(const Keyframe& keyframe) const;
+  void note_answer(const PeerKeyframe& message);
   [[nodiscard]] const Keyframe* newest_image() const;
   [[nodiscard]] const Keyframe* find_image(std::uint64_t keyframe_id) const;
   void note_stranger(const std::string& sender);
@@ -238,7 +246,14 @@ class Collaborator {
   std::deque<Remembered> remembered_;  // of peers, in the order in which they came
   KeyframeMatcher matcher_;
   AnswerLimiter limiter_;
-  std::optional<KeyframePose> last_asked_;
+  // The newest question.
+  struct Asked {
+    KeyframePose pose;
+    TimeNs asked_ns = 0;  // for the last time
+    int repeats = 0;
+    bool answered = false;
+  };
+  std::optional<Asked> asked_;
   std::optional<TimeNs> corners_told_ns_;  // stamp of the last question that carried them
   // When who has asked from a world that is not known did so for the last time.
   std::map<std::string, TimeNs> strangers_;

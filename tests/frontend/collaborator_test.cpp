@@ -51,6 +51,42 @@ TEST(Collaborator, AsksAboutNewViewsOnly) {
   EXPECT_TRUE(asks(in_paper, 0.1, 2)) << "the paper's drones ask about each";
 }
 
+// The question is lost, then the answer; once one has come there is no need to ask again.
+TEST(Collaborator, WhoHoversAsksAgainUntilItIsAnswered) {
+  Team team;
+  const auto hover = [&](double seconds) {
+    team.uav0.set_time(nanoseconds(seconds));
+    team.uav1.set_time(nanoseconds(seconds));
+    return team.uav0.repeated_question();
+  };
+  EXPECT_FALSE(hover(4)) << "nothing has been asked";
+  ASSERT_TRUE(team.uav0.wants_to_ask());
+  EXPECT_FALSE(hover(6.9));
+  const std::optional<PlaceAdvert> again = hover(7.1);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->keyframe_id, team.advert.keyframe_id);
+  EXPECT_FALSE(again->descriptor.empty());
+  EXPECT_TRUE(team.uav1.answer(*again)) << "whose answer is lost";
+  EXPECT_FALSE(hover(13)) << "twice as long";
+  const std::optional<PlaceAdvert> once_more = hover(13.2);
+  ASSERT_TRUE(once_more);
+  const std::optional<PeerKeyframe> answer = team.uav1.answer(*once_more);
+  ASSERT_TRUE(answer);
+  EXPECT_TRUE(std::holds_alternative<KeyframeMatch>(team.uav0.match(*answer)));
+  EXPECT_FALSE(hover(100));
+}
+
+TEST(Collaborator, WhomNobodyAnswersAsksOnceAMinuteInTheEnd) {
+  Team team;
+  ASSERT_TRUE(team.uav0.wants_to_ask());
+  int asked = 0;
+  for (int second = 4; second < 3600; ++second) {
+    team.uav0.set_time(nanoseconds(second));
+    asked += team.uav0.repeated_question().has_value() ? 1 : 0;
+  }
+  EXPECT_NEAR(asked, 63, 2);
+}
+
 TEST(Collaborator, OtherPlaceGetsNoAnswer) {
   Team team;
   Collaborator stranger = make_drone("uav7");
