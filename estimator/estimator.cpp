@@ -226,7 +226,8 @@ void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateRe
 }
 
 // Before the first visual update the window only collects; each new keyframe is a chance to start.
-// What the tracks say until then is told, and carried on by the IMU where they do not agree.
+// What the tracks say until then is told, and carried on by the IMU where they do not agree, or
+// where the drone stands still: who waits on the ground shall not work harder than who flies.
 // Tracks that have ended are often short, their depths known badly and linearised where they are
 // not: only who has waited long uses them.
 void Estimator::Impl::try_start(UpdateReport& report) {
@@ -238,13 +239,15 @@ void Estimator::Impl::try_start(UpdateReport& report) {
     if (usable && track.observations.size() >= 2) tracks.push_back(&track);
   }
   tracks = longest_first(std::move(tracks));
-  const bool attempt = state->clones().back().keyframe && state->clones().size() >= 4;
+  const bool keyframe = state->clones().back().keyframe;
+  const bool attempt = keyframe && state->clones().size() >= 4;
   const auto glimpse = [&] {
     if (std::optional<State> seen = vision->glimpse(*state, tracks))
       glimpsed = {std::move(*seen), false};
   };
   const bool depths_seen = glimpsed && glimpsed->depths;
-  if (!depths_seen) glimpse();
+  const bool seen_enough = glimpsed && report.zero_velocity && !keyframe;
+  if (!depths_seen && !seen_enough) glimpse();
   if (attempt) {
     State guess = told();
     const VisionUpdate::Start found = vision->start(*state, guess, tracks, impatient, report);
