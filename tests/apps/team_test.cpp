@@ -150,7 +150,13 @@ TEST_F(Team, TheExchangesCostWhatTheySay) {
            link[exchange]["message"]["payload_bytes_sent"].get<double>();
   };
   // A question per image, of 2.05 kB in the paper; 2 kB of VLAD and what is around it here.
-  EXPECT_GT(link["paper"]["request"]["sent"], 2 * link["compact"]["request"]["sent"].get<int>());
+  const json& questions = link["paper"]["request"];
+  const double question_bytes =
+      questions["payload_bytes_sent"].get<double>() / questions["sent"].get<double>();
+  EXPECT_GT(questions["sent"], 2 * link["compact"]["request"]["sent"].get<int>());
+  EXPECT_GT(question_bytes, 2048);
+  EXPECT_LT(question_bytes, 2300);
+  EXPECT_GT(bytes("paper"), 20 * bytes("compact"));
   EXPECT_EQ(link["naive"]["request"]["sent"], 0);
   EXPECT_GT(link["naive"]["message"]["sent"], 20);
   EXPECT_GT(link["naive"]["message"]["received"], 20);
