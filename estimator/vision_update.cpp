@@ -529,9 +529,9 @@ VisionUpdate::DepthRow VisionUpdate::take_depth_out(int columns) {
 std::optional<State> VisionUpdate::glimpse(const State& state,
                                            const std::vector<const Track*>& tracks) {
   std::optional<Glimpse> far = glimpse(state, tracks, Points::kEquallyFar);
-  if (far && far->beyond_doubt) return std::move(far->state);
+  if (far && far->convincing) return std::move(far->state);
   std::optional<Glimpse> kept = glimpse(state, tracks, Points::kKept);
-  if (kept && (kept->relief || !far)) return std::move(kept->state);
+  if (kept && (kept->convincing || !far)) return std::move(kept->state);
   if (!far) return std::nullopt;
   return std::move(far->state);
 }
@@ -589,14 +589,16 @@ std::optional<VisionUpdate::Glimpse> VisionUpdate::glimpse(const State& state,
   if (mode == Points::kEquallyFar) points.clear();
   const StartQuality quality = stack_for_glimpse(current, tracks, depth, points);
   if (!(quality.median_squared_residual < kMaxGlimpseResidual)) return std::nullopt;
-  const bool beyond_doubt = converged && quality.median_squared_residual < kGoodGlimpseResidual;
-  if (mode == Points::kEquallyFar) return Glimpse{std::move(current), false, beyond_doubt};
+  if (mode == Points::kEquallyFar) {
+    const bool fits = converged && quality.median_squared_residual < kGoodGlimpseResidual;
+    return Glimpse{std::move(current), fits};
+  }
   // What is told, and how sure it is, comes from there as if all were equally far.
   const bool relief = shows_relief(points);
   points.clear();
   (void)stack_for_glimpse(current, tracks, depth, points);
   if (!step_glimpse(state, current)) return std::nullopt;
-  return Glimpse{std::move(current), relief, beyond_doubt};
+  return Glimpse{std::move(current), relief};
 }
 
 bool VisionUpdate::apply_stack(State& state) {

@@ -128,8 +128,8 @@ class VisionUpdate {
   [[nodiscard]] static bool shows_relief(const std::vector<GlimpsedPoint>& points);
   struct Glimpse {
     State state;
-    bool relief = false;        // some points are nearer than others
-    bool beyond_doubt = false;  // that it fits
+    // Of points that are kept: some are nearer than others. Equally far: it fits beyond doubt.
+    bool convincing = false;
   };
   [[nodiscard]] std::optional<Glimpse> glimpse(const State& state,
                                                const std::vector<const Track*>& tracks,

@@ -198,8 +198,7 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const Imag
 
 bool Collaborator::wants_to_ask() {
   const Keyframe& newest = *database_.last();
-  std::optional<KeyframePose> last;
-  if (asked_) last = asked_->pose;
+  const auto last = asked_ ? std::optional(asked_->pose) : std::nullopt;
   if (config_.exchange == ExchangeMode::kCompact &&
       !is_worth_asking(config_.question, last, newest.pose, newest.mean_depth)) {
     return false;
