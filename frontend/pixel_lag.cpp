@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 namespace covey {
 namespace {
@@ -13,7 +14,15 @@ namespace {
 constexpr int kCell = 32;       // px between nodes
 constexpr float kLongest = 14;  // px, of a path; what moves faster is taken for that
 constexpr int kMargin = 16;     // px around the sharpened image, for what comes from outside
-constexpr float kParts = 8;     // of a grey level
+
+// Levels and paths are whole numbers of 16 bits: compilers then work on eight pixels at once. None
+// of them overflows with paths up to kLongest.
+constexpr int kPartsLog2 = 3, kParts = 1 << kPartsLog2;  // of a grey level
+constexpr std::int16_t kMostParts = 8191;                // as far as a level goes, either way
+constexpr int kOneLog2 = 15, kOne = 1 << kOneLog2;       // pixel: what parts of it are told in
+// Of a pixel of a path, times a twelfth, as derivatives are twelve times too large.
+constexpr int kPathLog2 = 11;
+constexpr float kPathUnits = (1 << kPathLog2) * kParts / 12.0F;
 
 // Flow of a resting point that the camera turns away from, per rad/s.
 Eigen::Matrix<double, 2, 3> flow_of_turning(const CameraIntrinsics& camera,
@@ -39,28 +48,70 @@ Eigen::Vector2d mean_velocity(const Eigen::Vector2d& pixel, const std::vector<Tr
   return total > 0 ? Eigen::Vector2d(sum / total) : sum;
 }
 
-// How many pixels on, `part` of a pixel that grows by `slope` for each stays within 0..1.
-int pixels_within_one(float part, float slope) {
-  constexpr float kMany = 1e6F;
-  if (slope > 0) return 1 + static_cast<int>(std::min(kMany, (1 - part) / slope));
-  if (slope < 0) return 1 + static_cast<int>(std::min(kMany, part / -slope));
-  return static_cast<int>(kMany);
+Eigen::Vector2i in_units(const Eigen::Vector2f& pixels, float of_a_pixel) {
+  return (of_a_pixel * pixels).array().round().cast<int>();
 }
 
-// Bilinear, between two rows of levels; `part` of a pixel on, growing by `slope` for each pixel.
-void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vector2f& part,
-           const Eigen::Vector2f& slope, int count, std::uint8_t* out) {
-  const float part_x = part.x(), part_y = part.y(), slope_x = slope.x(), slope_y = slope.y();
+// How many pixels on, `part` of a pixel that grows by `step` for each stays within one.
+int pixels_within_one(int part, int step) {
+  if (step > 0) return 1 + (kOne - 1 - part) / step;
+  if (step < 0) return 1 + part / -step;
+  return std::numeric_limits<int>::max();
+}
+
+// Of a row, `down` pixels above the next one, whose pixels move along `path` during one time
+// constant, which grows by `step` for each pixel. Derivatives are right to the fourth order: those
+// from next neighbours alone would leave a tenth of the lag in waves of 6 px.
+void take_lag_out(const std::uint8_t* in, std::ptrdiff_t down, const Eigen::Vector2i& path,
+                  const Eigen::Vector2i& step, int count, std::int16_t* out) {
+  constexpr int kHalf = 1 << (kPathLog2 - 1);
+  const auto path_x = static_cast<std::int16_t>(path.x());
+  const auto path_y = static_cast<std::int16_t>(path.y());
+  const auto step_x = static_cast<std::int16_t>(step.x());
+  const auto step_y = static_cast<std::int16_t>(step.y());
+  for (int x = 0; x < count; ++x) {
+    const auto along = static_cast<std::int16_t>(x);
+    const auto here_x = static_cast<std::int16_t>(path_x + along * step_x);
+    const auto here_y = static_cast<std::int16_t>(path_y + along * step_y);
+    const auto across_x =
+        static_cast<std::int16_t>(8 * (in[x + 1] - in[x - 1]) - (in[x + 2] - in[x - 2]));
+    const auto across_y = static_cast<std::int16_t>(8 * (in[x + down] - in[x - down]) -
+                                                    (in[x + 2 * down] - in[x - 2 * down]));
+    const auto lag =
+        static_cast<std::int16_t>((here_x * across_x + here_y * across_y + kHalf) >> kPathLog2);
+    const auto level = static_cast<std::int16_t>(kParts * in[x] - lag);
+    out[x] = std::min(std::max(level, static_cast<std::int16_t>(-kMostParts)), kMostParts);
+  }
+}
+
+// (a b) / 2^16, rounded down: one instruction for a whole vector of them.
+std::int16_t upper_half(std::int16_t a, std::int16_t b) {
+  return static_cast<std::int16_t>((a * b) >> 16);
+}
+
+// `part` of the way from one level to another, `part` in units of kOne.
+std::int16_t between(std::int16_t from, std::int16_t to, std::int16_t part) {
+  const auto twice = static_cast<std::int16_t>(2 * (to - from));
+  return static_cast<std::int16_t>(from + upper_half(twice, part));
+}
+
+// Bilinear, between two rows of levels; `part` of a pixel on, growing by `step` for each pixel.
+void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vector2i& part,
+           const Eigen::Vector2i& step, int count, std::uint8_t* out) {
+  const auto part_x = static_cast<std::int16_t>(part.x());
+  const auto part_y = static_cast<std::int16_t>(part.y());
+  const auto step_x = static_cast<std::int16_t>(step.x());
+  const auto step_y = static_cast<std::int16_t>(step.y());
   for (int i = 0; i < count; ++i) {
-    const auto along = static_cast<float>(i);
-    const float fx = part_x + along * slope_x, fy = part_y + along * slope_y;
-    const float left = static_cast<float>(top[i]), right = static_cast<float>(top[i + 1]);
-    const float low_left = static_cast<float>(bottom[i]);
-    const float low_right = static_cast<float>(bottom[i + 1]);
-    const float above = left + fx * (right - left);
-    const float below = low_left + fx * (low_right - low_left);
-    const float level = (above + fy * (below - above)) / kParts + 0.5F;
-    out[i] = static_cast<std::uint8_t>(std::min(std::max(level, 0.0F), 255.0F));
+    const auto along = static_cast<std::int16_t>(i);
+    const auto fx = static_cast<std::int16_t>(part_x + along * step_x);
+    const auto fy = static_cast<std::int16_t>(part_y + along * step_y);
+    const std::int16_t above = between(top[i], top[i + 1], fx);
+    const std::int16_t below = between(bottom[i], bottom[i + 1], fx);
+    const auto rounded = static_cast<std::int16_t>(between(above, below, fy) + kParts / 2);
+    const auto level = static_cast<std::int16_t>(rounded >> kPartsLog2);
+    out[i] =
+        static_cast<std::uint8_t>(std::min(std::max(level, std::int16_t{0}), std::int16_t{255}));
   }
 }
 
@@ -165,8 +216,7 @@ void PixelLag::for_each_stretch(const AtNodes& paths, int y, Use use) const {
   }
 }
 
-// Into `readout_`. Derivatives are right to the fourth order: those from next neighbours alone
-// would leave a tenth of the lag in waves of 6 px.
+// Into `readout_`.
 void PixelLag::sharpen(const cv::Mat& grey) {
   constexpr int kReach = 2;  // px
   const auto down = static_cast<std::ptrdiff_t>(grey.step);
@@ -178,19 +228,10 @@ void PixelLag::sharpen(const cv::Mat& grey) {
     for_each_stretch(smears_, y, [&](const Stretch& stretch) {
       const int first = std::max(stretch.begin, kReach);
       const int end = std::min(stretch.end, grey.cols - kReach);
-      constexpr float kScale = kParts / 12;
-      const Eigen::Vector2f path = kScale * stretch.path, slope = kScale * stretch.slope;
-      for (int x = first; x < end; ++x) {
-        const auto along = static_cast<float>(x - stretch.begin);
-        const auto across_x =
-            static_cast<std::int16_t>(8 * (in[x + 1] - in[x - 1]) - (in[x + 2] - in[x - 2]));
-        const auto across_y = static_cast<std::int16_t>(8 * (in[x + down] - in[x - down]) -
-                                                        (in[x + 2 * down] - in[x - 2 * down]));
-        const float level = kParts * static_cast<float>(in[x]) -
-                            (path.x() + along * slope.x()) * static_cast<float>(across_x) -
-                            (path.y() + along * slope.y()) * static_cast<float>(across_y);
-        out[x] = static_cast<std::int16_t>(std::min(std::max(level, -32000.0F), 32000.0F));
-      }
+      const Eigen::Vector2i step = in_units(stretch.slope, kPathUnits);
+      const Eigen::Vector2i path =
+          in_units(stretch.path, kPathUnits) + (first - stretch.begin) * step;
+      take_lag_out(in + first, down, path, step, end - first, out + first);
     });
   }
 }
@@ -213,19 +254,21 @@ cv::Mat PixelLag::taken_out(const cv::Mat& grey, double time_constant_s) {
   sharpen(grey);
   extend_edges();
   cv::Mat still(grey.size(), CV_8UC1);
+  const auto width = static_cast<std::ptrdiff_t>(readout_.step1());
+  const std::int16_t* origin = readout_.ptr<std::int16_t>(kMargin) + kMargin;
   for (int y = 0; y < grey.rows; ++y) {
     auto* out = still.ptr<std::uint8_t>(y);
     for_each_stretch(moves_, y, [&](const Stretch& stretch) {
+      const Eigen::Vector2i step = in_units(stretch.slope, kOne);
+      Eigen::Vector2i path = in_units(stretch.path, kOne);
       for (int x = stretch.begin; x < stretch.end;) {
-        const Eigen::Vector2f path =
-            stretch.path + static_cast<float>(x - stretch.begin) * stretch.slope;
-        const Eigen::Vector2f whole = path.array().floor();
-        const Eigen::Vector2f part = path - whole;
-        const int count = std::min({stretch.end - x, pixels_within_one(part.x(), stretch.slope.x()),
-                                    pixels_within_one(part.y(), stretch.slope.y())});
-        const auto* top = readout_.ptr<std::int16_t>(y + kMargin + static_cast<int>(whole.y())) +
-                          kMargin + x + static_cast<int>(whole.x());
-        blend(top, top + readout_.step1(), part, stretch.slope, count, out + x);
+        const Eigen::Vector2i whole(path.x() >> kOneLog2, path.y() >> kOneLog2);
+        const Eigen::Vector2i part = path - kOne * whole;
+        const int count = std::min({stretch.end - x, pixels_within_one(part.x(), step.x()),
+                                    pixels_within_one(part.y(), step.y())});
+        const std::int16_t* top = origin + (y + whole.y()) * width + x + whole.x();
+        blend(top, top + width, part, step, count, out + x);
+        path += count * step;
         x += count;
       }
     });

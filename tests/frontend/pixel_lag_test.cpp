@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <vector>
@@ -104,6 +106,52 @@ TEST(PixelLag, FlowFollowsTheNearestTracks) {
   lag.set_motion({}, tracks);
   EXPECT_NEAR((lag.flow({96, 96}) - tracks[0].velocity).norm(), 0, 2);
   EXPECT_NEAR((lag.flow({256, 160}) - tracks[1].velocity).norm(), 0, 2);
+}
+
+// S = I - tau v.grad I, moved back by tau v, of a pixel whose path is tau v, px.
+double level_without_lag(const cv::Mat& grey, int x, int y, const Eigen::Vector2d& path) {
+  const auto at = [&](int column, int row) {
+    return static_cast<double>(grey.at<std::uint8_t>(row, column));
+  };
+  const auto sharp = [&](int column, int row) {
+    const double along_x = (8 * (at(column + 1, row) - at(column - 1, row)) -
+                            (at(column + 2, row) - at(column - 2, row))) /
+                           12;
+    const double along_y = (8 * (at(column, row + 1) - at(column, row - 1)) -
+                            (at(column, row + 2) - at(column, row - 2))) /
+                           12;
+    return at(column, row) - path.dot(Eigen::Vector2d(along_x, along_y));
+  };
+  const Eigen::Vector2d from = Eigen::Vector2d(x, y) + path;
+  const int left = static_cast<int>(std::floor(from.x()));
+  const int top = static_cast<int>(std::floor(from.y()));
+  const double fx = from.x() - left, fy = from.y() - top;
+  const double above = (1 - fx) * sharp(left, top) + fx * sharp(left + 1, top);
+  const double below = (1 - fx) * sharp(left, top + 1) + fx * sharp(left + 1, top + 1);
+  return std::clamp((1 - fy) * above + fy * below, 0.0, 255.0);
+}
+
+// It is worked out in whole numbers of 16 bits.
+TEST(PixelLag, EveryPixelIsRightToAGreyLevel) {
+  const cv::Mat texture = scene();
+  for (const Eigen::Vector2d& velocity :
+       std::vector<Eigen::Vector2d>{{60, 10}, {-150, 40}, {300, -500}, {-1100, -900}}) {
+    const cv::Mat lagging = seen(texture, velocity);
+    const cv::Mat sharp = without_lag(lagging, velocity);
+    double sum = 0, most = 0;
+    int count = 0;
+    for (int y = 20; y < kHeight - 20; ++y) {
+      for (int x = 20; x < kWidth - 20; ++x) {
+        const double wanted = level_without_lag(lagging, x, y, kLag_s * velocity);
+        const double error = sharp.at<std::uint8_t>(y, x) - wanted;
+        sum += error;
+        most = std::max(most, std::abs(error));
+        ++count;
+      }
+    }
+    EXPECT_LT(most, 1) << velocity.transpose();
+    EXPECT_LT(std::abs(sum / count), 0.1) << velocity.transpose();
+  }
 }
 
 constexpr double kLineDelay_s = 6e-5;
