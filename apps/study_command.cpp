@@ -12,6 +12,7 @@
 
 #include "apps/number_range.h"
 #include "apps/progress.h"
+#include "apps/recorded_flight.h"
 #include "apps/stop_signal.h"
 #include "apps/study_report.h"
 #include "apps/team_study.h"
@@ -25,6 +26,8 @@ struct Options {
   std::vector<int> team_sizes{2, 4, 8, 16, 32};
   int drones = 4;
   StudyConfig study;
+  std::vector<std::string> trajectories;
+  std::vector<double> begins_s;  // of the trajectories
   bool force = false;
 };
 
@@ -61,8 +64,30 @@ void study_ablation(const Options& options) {
   std::fputs(ablation_table(rows).c_str(), stdout);
 }
 
-void study(const Options& options) {
+void read_recordings(Options& options) {
+  const std::vector<std::string>& files = options.trajectories;
+  if (!options.begins_s.empty() && options.begins_s.size() != files.size())
+    throw std::runtime_error("study: --begin needs one for each --trajectory");
+  if (files.empty()) return;
+  if (options.what != "ablation")
+    throw std::runtime_error("study: --trajectory is for ablation, where one drone flies each");
+  if (options.study.scenario != "room")
+    throw std::runtime_error("study: --trajectory is flown in a room: add --scenario room");
+  if (files.size() < 2) throw std::runtime_error("study: --trajectory needs two or more: a team");
+  std::vector<RecordedFlight> flights;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const double begin_s = options.begins_s.empty() ? 0 : options.begins_s[i];
+    flights.push_back(read_recorded_flight(files[i], {}, begin_s));
+    keep_first_seconds(flights.back(), options.study.duration_s);
+  }
+  move_into_one_room(flights);
+  for (const RecordedFlight& flight : flights) options.study.recorded.push_back(fly_again(flight));
+  options.drones = static_cast<int>(flights.size());
+}
+
+void study(Options options) {
   catch_stop_signals();
+  read_recordings(options);
   if (options.what == "scaling") {
     study_scaling(options);
   } else {
@@ -79,6 +104,9 @@ void add_study_command(CLI::App& covey) {
   command->footer(
       "Examples: covey study scaling --out scaling\n"
       "          covey study ablation --scenario mars_yard --seconds 30 --seeds 10 --out ablation\n"
+      "          covey study ablation --scenario room --trajectory MH_04.csv V2_01.csv --seconds "
+      "30 "
+      "--out room\n"
       "Writes scaling.csv and scaling.svg, or ablation.csv, and summary.json.");
   command
       ->add_option("what", options->what,
@@ -109,9 +137,17 @@ void add_study_command(CLI::App& covey) {
   command->add_option("--sizes", options->team_sizes, "scaling: teams of so many drones")
       ->capture_default_str()
       ->check(CLI::Range(2, 64));
-  command->add_option("--drones", options->drones, "ablation: in the team")
-      ->capture_default_str()
-      ->check(CLI::Range(2, 64));
+  CLI::Option* drones = command->add_option("--drones", options->drones, "ablation: in the team")
+                            ->capture_default_str()
+                            ->check(CLI::Range(2, 64));
+  command
+      ->add_option("--trajectory", options->trajectories,
+                   "ablation of recorded motion, EuRoC csv, one for each drone (room)")
+      ->excludes(drones);
+  command
+      ->add_option("--begin", options->begins_s,
+                   "s into the recording at which a drone begins, one for each --trajectory")
+      ->check(NumberRange(0.0, 1e5));
   command->add_flag("--force", options->force, "Replace a study of the same kind");
   command->callback([options] { study(*options); });
 }

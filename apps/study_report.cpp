@@ -22,11 +22,9 @@ Json to_json(const TeamFigures& figures) {
 }
 
 Json to_json(const StudyConfig& config) {
-  return {{"scenario", config.scenario},
-          {"seeds", config.seeds},
-          {"duration_s", config.duration_s},
-          {"pixel_sigma", config.pixel_sigma},
-          {"corner_mismatch_px", config.corner_mismatch_px}};
+  return {{"scenario", config.scenario},       {"seeds", config.seeds},
+          {"duration_s", config.duration_s},   {"recorded_trajectories", config.recorded.size()},
+          {"pixel_sigma", config.pixel_sigma}, {"corner_mismatch_px", config.corner_mismatch_px}};
 }
 
 Json to_json(const ScalingPoint& point) {

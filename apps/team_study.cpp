@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/team_study.h"
 
+#include <algorithm>
 #include <functional>
 #include <numeric>
 #include <optional>
@@ -42,6 +43,16 @@ struct SimulatedTeam {
 // Names and ids are free text: these do not fit into a signed byte.
 std::string name_of(std::size_t drone) { return "hawk-" + std::to_string(200 + drone); }
 
+// Everybody flies as long.
+double duration_s(const StudyConfig& config) {
+  double duration_s = config.duration_s;
+  for (const Trajectory& flight : config.recorded) {
+    const double recorded_s = flight.duration_s();
+    duration_s = duration_s > 0 ? std::min(duration_s, recorded_s) : recorded_s;
+  }
+  return duration_s;
+}
+
 // `count`: must outlive it.
 SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t seed,
                             const FlightCount& count) {
@@ -53,7 +64,8 @@ SimulatedTeam simulate_team(const StudyConfig& config, int drones, std::uint64_t
   FeatureScenario scenario;
   scenario.flight.scenario = *place;
   scenario.flight.agents = drones;
-  scenario.flight.duration_s = config.duration_s;
+  scenario.flight.duration_s = duration_s(config);
+  scenario.flight.recorded = config.recorded;
   scenario.camera.pixel_sigma = config.pixel_sigma;
   scenario.camera.first_image_s = 0.1023;  // never on an IMU sample
   SimulatedTeam team{simulate_features(scenario, seed), {}, {}, {}, {}, [&count] { count.tell(); }};

@@ -9,14 +9,17 @@
 #include <string>
 #include <vector>
 
+#include "sim/trajectory.h"
+
 namespace covey {
 
 struct StudyConfig {
   std::string scenario = "castle_around";
-  double duration_s = 0;             // 0: the scenario's own
+  double duration_s = 0;             // 0: the scenario's own, or that of the shortest recording
   int seeds = 3;                     // 1, 2, ...
   double pixel_sigma = 0.1;          // of a corner in one image, px; rendered ones claim it
   double corner_mismatch_px = 0.15;  // left between what two drones see of one landmark
+  std::vector<Trajectory> recorded;  // flown in the room, one for each drone of the team
 };
 
 // Means over drones and seeds.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "estimator/measurements.h"
+#include "sim/trajectory.h"
 
 namespace covey {
 
@@ -23,5 +24,14 @@ struct RecordedFlight {
   std::vector<TrueState> states;  // at least two, stamps strictly increasing
   std::vector<ImuSample> imu;     // empty: the IMU is simulated
 };
+
+// Ends it so long after its first state; `duration_s` 0, or more than it lasts: as it is.
+void keep_first_seconds(RecordedFlight& flight, double duration_s);
+
+// Flights from different places share one room: their middles meet, their lowest points too.
+void move_into_one_room(std::vector<RecordedFlight>& flights);
+
+// Its motion, smoothed: closer to the recording where its IMU is flown as well.
+[[nodiscard]] Trajectory fly_again(const RecordedFlight& flight);
 
 }  // namespace covey
