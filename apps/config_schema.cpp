@@ -326,8 +326,10 @@ void visit_collaboration(CollaboratorConfig& c, ConfigVisitor& v) {
            "way since the last keyframe that was asked about, over mean depth");
   v.angle("question_rotation_deg", c.question.rotation, {0.1, 180}, "[deg] since then");
   v.number("question_min_interval_s", c.question.min_interval_s, {0, 1e3}, "[s] since then");
-  v.number("corners_interval_s", c.corners_interval_s, {0, 1e3},
-           "[s] between questions that carry corners; those between ask peers that know the world");
+  v.number(
+      "corners_interval_s", c.corners_interval_s, {0, 1e3},
+      "[s] between questions that carry corners, four times as long while answers match; those "
+      "between ask peers that know the world");
   v.number("repeat_question_s", c.repeat_question_s, {0, 1e3},
            "[s] until one that nobody answers is asked again where nothing new is seen; 0: never");
   v.number("keyframe_fallback_depth_m", c.keyframe.fallback_depth, {0.01, 1e4},

@@ -74,9 +74,9 @@ void FeatureExchange::add_keyframe(std::size_t drone, const FlownKeyframe& keyfr
 
 void FeatureExchange::count_question(Drone& self, const FlownKeyframe& keyframe) const {
   self.last_asked = keyframe.pose;
-  self.asks_briefly = may_ask_briefly(config_.limits.corners_interval_s, self.corners_told_ns,
-                                      keyframe.pose.stamp_ns);
-  if (!self.asks_briefly) self.corners_told_ns = keyframe.pose.stamp_ns;
+  self.asks_briefly =
+      may_ask_briefly(config_.limits.corners_interval_s, self.questions, keyframe.pose.stamp_ns);
+  if (!self.asks_briefly) self.questions.corners_told_ns = keyframe.pose.stamp_ns;
   const std::size_t corners =
       self.asks_briefly ? 0 : std::min(keyframe.features.size(), kCompactCorners);
   const PlaceAdvert advert{self.name,
@@ -134,6 +134,7 @@ std::vector<KeyframeMatch> FeatureExchange::ask(std::size_t drone) {
     if (!received) continue;
     auto found = match(drone, own, *received);
     if (!found) continue;
+    self.questions.found_ns = own.pose.stamp_ns;
     matches.insert(matches.end(), static_cast<std::size_t>(config_.copies), *found);
     const bool known =
         std::any_of(self.remembered.begin(), self.remembered.end(), [&](const Sight& sight) {

@@ -83,8 +83,8 @@ class FeatureExchange {
     Falsehood falsehood;
     AnswerLimiter limiter;
     std::optional<KeyframePose> last_asked;
-    std::optional<TimeNs> corners_told_ns;  // stamp of the last question that carried them
-    bool asks_briefly = false;              // in its newest question
+    QuestionsSoFar questions;
+    bool asks_briefly = false;  // in its newest question
     std::deque<FlownKeyframe> keyframes;
     std::deque<Sight> remembered;  // of peers
     Traffic traffic;

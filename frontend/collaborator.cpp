@@ -209,11 +209,16 @@ bool Collaborator::wants_to_ask() {
 
 PlaceAdvert Collaborator::question(PlaceAdvert advert) {
   forget_strangers_that_left();
-  const double interval_s = config_.corners_interval_s / (strangers_.empty() ? 1 : 4);
-  if (may_ask_briefly(interval_s, corners_told_ns_, advert.stamp_ns)) {
+  QuestionsSoFar so_far = questions_;
+  double interval_s = config_.corners_interval_s;
+  if (!strangers_.empty()) {
+    so_far.found_ns.reset();  // with others: strangers heed no brief question
+    interval_s /= 4;
+  }
+  if (may_ask_briefly(interval_s, so_far, advert.stamp_ns)) {
     advert.descriptor.clear();
   } else {
-    corners_told_ns_ = advert.stamp_ns;
+    questions_.corners_told_ns = advert.stamp_ns;
   }
   return advert;
 }
@@ -226,7 +231,7 @@ std::optional<PlaceAdvert> Collaborator::repeated_question() {
   if (seconds_between(asked_->asked_ns, now_ns_) < patience_s) return std::nullopt;
   asked_->asked_ns = now_ns_;
   ++asked_->repeats;
-  corners_told_ns_ = now_ns_;
+  questions_.corners_told_ns = now_ns_;
   // The number of an older keyframe would look like another flight's.
   return advert_of(*database_.last());
 }
@@ -545,7 +550,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
     if (was_compared(none->reason)) {
       note_answer(message);
-      if (!message.described) corners_told_ns_.reset();
+      if (!message.described) questions_.corners_told_ns.reset();
     }
     remember_for_later(message, none->reason);
   } else {
@@ -553,6 +558,7 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
     note_answer(message);
     remember(message, match.own.T_world_cam * match.T_other_own.inverse());
     learn_tolerance(message, match);
+    questions_.found_ns = now_ns_;
     ++report_.matched;
     report_.landmark_pairs += static_cast<int>(match.matches.size());
   }

@@ -60,9 +60,9 @@ struct CollaboratorConfig {
   KeyframeRule keyframe = {0.07, 0.35, 0.25};
   KeyframeRule question = {0.07, 0.35, 0.35};  // the same, between keyframes that are asked about
   KeyframeDatabase::Config database;
-  // s, between questions that carry the place's corners; a quarter of it while a drone is about
-  // whose world is not known. Questions in between are brief, and so are their answers: who knows
-  // where the asker is needs no descriptors.
+  // s, between questions that carry the place's corners: four times as long while answers match, a
+  // quarter of it while a drone is about whose world is not known. Questions in between are brief,
+  // and so are their answers: who knows where the asker is needs no descriptors.
   double corners_interval_s = 3.0;
   // s, after which a question that nobody has answered is asked again from where the drone still
   // is; then each time after twice as long, up to a minute. 0: never.
@@ -254,7 +254,7 @@ class Collaborator {
     bool answered = false;
   };
   std::optional<Asked> asked_;
-  std::optional<TimeNs> corners_told_ns_;  // stamp of the last question that carried them
+  QuestionsSoFar questions_;
   // When who has asked from a world that is not known did so for the last time.
   std::map<std::string, TimeNs> strangers_;
   ViewpointTolerance tolerance_;

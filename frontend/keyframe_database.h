@@ -57,10 +57,14 @@ struct Keyframe {
                                    const std::optional<KeyframePose>& last_asked,
                                    const KeyframePose& newest, double mean_depth);
 
+// Stamps of the own image when a question last carried corners, and when an answer last matched.
+struct QuestionsSoFar {
+  std::optional<TimeNs> corners_told_ns, found_ns;
+};
 // May a question go without the place's corners? Not `corners_interval_s` after the last that
-// carried them.
-[[nodiscard]] bool may_ask_briefly(double corners_interval_s,
-                                   const std::optional<TimeNs>& corners_told_ns, TimeNs stamp_ns);
+// carried them; where brief ones bring what they should, four times as long after.
+[[nodiscard]] bool may_ask_briefly(double corners_interval_s, const QuestionsSoFar& so_far,
+                                   TimeNs stamp_ns);
 
 // Its sigma is left 0: comparing views needs none.
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);

@@ -267,6 +267,36 @@ TEST(Collaborator, AsksBrieflyOfThoseWhoKnowItsWorld) {
   EXPECT_TRUE(has_corners(23.7));
 }
 
+TEST(Collaborator, TellsCornersRarelyWhileAnswersMatchUnlessAStrangerIsAbout) {
+  Team team;
+  CollaboratorConfig config;
+  config.matching.common_start = false;
+  config.agent = "uav0";
+  Collaborator asker(config, visual_vocabulary(), camera());
+  const auto asks = [&](double seconds) {
+    return look(asker, team.scene, level_camera({0.5, 1.5, 0.3}, 0.1), seconds, kOwnIds);
+  };
+  const auto has_corners = [&](double seconds) {
+    return !asker.question(asks(seconds)).descriptor.empty();
+  };
+  const auto finds = [&](double seconds) {
+    team.advert = asks(seconds);
+    team.uav1.set_time(nanoseconds(seconds));
+    return std::holds_alternative<KeyframeMatch>(asker.match(team.ask()));
+  };
+  EXPECT_TRUE(has_corners(4));
+  EXPECT_FALSE(has_corners(6));
+  ASSERT_TRUE(finds(6.5));
+  EXPECT_FALSE(has_corners(9.4));
+  EXPECT_TRUE(has_corners(9.6)) << "nothing found for three seconds";
+  ASSERT_TRUE(finds(12.5));
+  EXPECT_FALSE(has_corners(13));
+  PlaceAdvert stranger = team.advert;
+  stranger.sender = "uav2";
+  (void)asker.answer(stranger);
+  EXPECT_TRUE(has_corners(13.1)) << "of whom nothing has been found";
+}
+
 TEST(Collaborator, AnswersBriefQuestionsOfThoseAloneOfWhomItKnowsWhereTheyAre) {
   const auto answers = [](bool common_start, double sigma) {
     const Team team;
