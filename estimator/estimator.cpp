@@ -13,9 +13,11 @@
 #include "estimator/landmark_depths.h"
 #include "estimator/observation_model.h"
 #include "estimator/peer_fusion.h"
+#include "estimator/slam_update.h"
 #include "estimator/state_readout.h"
 #include "estimator/state_snapshot.h"
 #include "estimator/track_selection.h"
+#include "estimator/vision_start.h"
 #include "estimator/vision_update.h"
 #include "estimator/zero_velocity.h"
 
@@ -102,7 +104,9 @@ struct Estimator::Impl {
     bool depths = false;  // with those of single tracks
   };
   std::optional<Glimpsed> glimpsed;
+  std::optional<VisionStart> vision_start;
   std::optional<VisionUpdate> vision;
+  std::optional<SlamUpdate> slam;
   std::optional<EkfUpdate> still_update;
   TrackStore store;
   StillnessDetector stillness;
@@ -118,7 +122,9 @@ struct Estimator::Impl {
 
 void Estimator::Impl::start(const State& initial) {
   state = initial;
+  vision_start.emplace(config, state->capacity());
   vision.emplace(config, state->capacity());
+  slam.emplace(config, state->capacity());
   still_update.emplace(16, state->capacity());
   glimpsed.reset();
   store.clear();
@@ -212,7 +218,7 @@ void Estimator::Impl::settle_depths() {
 }
 
 void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
-  vision->reanchor(*state, index, report);
+  reanchor(*state, index, report);
   store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
   state->remove_clone(index);
   if (glimpsed) glimpsed->state.remove_clone(index);
@@ -242,7 +248,7 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   const bool keyframe = state->clones().back().keyframe;
   const bool attempt = keyframe && state->clones().size() >= 4;
   const auto glimpse = [&] {
-    if (std::optional<State> seen = vision->glimpse(*state, tracks))
+    if (std::optional<State> seen = vision_start->glimpse(*state, tracks))
       glimpsed = {std::move(*seen), false};
   };
   const bool depths_seen = glimpsed && glimpsed->depths;
@@ -250,15 +256,17 @@ void Estimator::Impl::try_start(UpdateReport& report) {
   if (!depths_seen && !seen_enough) glimpse();
   if (attempt) {
     State guess = told();
-    const VisionUpdate::Start found = vision->start(*state, guess, tracks, impatient, report);
-    seeing = found == VisionUpdate::Start::kMade;
-    if (found == VisionUpdate::Start::kTooSoon) glimpsed = {std::move(guess), true};
-    if (found == VisionUpdate::Start::kNone && depths_seen) {
+    const StartAttempt found = vision_start->start(*state, guess, tracks, impatient);
+    seeing = found.outcome == StartAttempt::Outcome::kMade;
+    report.msckf_used += found.tracks;
+    if (found.outcome == StartAttempt::Outcome::kTooSoon) glimpsed = {std::move(guess), true};
+    if (found.outcome == StartAttempt::Outcome::kNone && depths_seen) {
       glimpsed->depths = false;
       glimpse();
     }
   }
   if (!seeing) return;
+  vision->add_slam_features(*state, tracks, report);
   depths_known = false;
   glimpsed.reset();
   store.forget_all_observations();
@@ -290,7 +298,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   }
   drop_lost_landmarks(tracks);
   const double slam_start = now_ms();
-  vision->update_slam(*state, tracks, report);
+  slam->update(*state, tracks, report);
   const double msckf_start = now_ms();
   report.slam_ms = msckf_start - slam_start;
 

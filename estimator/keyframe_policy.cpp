@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "estimator/median.h"
-#include "estimator/vision_update.h"
+#include "estimator/track_rows.h"
 
 namespace covey {
 

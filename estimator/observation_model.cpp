@@ -89,6 +89,11 @@ BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing) {
   return J;
 }
 
+BearingByIntrinsics by_intrinsics_at(const Eigen::Vector2d& expected, const Eigen::Vector2d& at,
+                                     const BearingByIntrinsics& by_intrinsics) {
+  return by_intrinsics + pinhole_by_intrinsics(expected) - pinhole_by_intrinsics(at);
+}
+
 // The inverse of Cholesky's factor.
 Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance) {
   const double l00 = std::sqrt(covariance(0, 0));

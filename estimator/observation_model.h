@@ -54,6 +54,13 @@ struct InverseDepthOfPoint {
 // What wrong intrinsics do to the bearings of a camera without distortion.
 [[nodiscard]] BearingByIntrinsics pinhole_by_intrinsics(const Eigen::Vector2d& bearing);
 
+// The same of a camera whose observation, `at` a bearing, says `by_intrinsics`: where the point is
+// expected, not where it was seen. In both the residual and its Jacobian, noise would look like a
+// longer focal length. What a lens adds to how that changes over so little is left out.
+[[nodiscard]] BearingByIntrinsics by_intrinsics_at(const Eigen::Vector2d& expected,
+                                                   const Eigen::Vector2d& at,
+                                                   const BearingByIntrinsics& by_intrinsics);
+
 // W such that W n has covariance 1 for n of the given one, which must be positive definite.
 [[nodiscard]] Eigen::Matrix2d whitening(const Eigen::Matrix2d& covariance);
 

@@ -6,6 +6,8 @@
 
 #include <vector>
 
+#include "estimator/slam_update.h"
+#include "estimator/vision_update.h"
 #include "tests/estimator/filled_window.h"
 
 namespace covey {
@@ -58,7 +60,7 @@ void BM_MsckfUpdate(benchmark::State& timing) {
 BENCHMARK(BM_MsckfUpdate)->Unit(benchmark::kMicrosecond);
 
 void BM_SlamUpdate(benchmark::State& timing) {
-  VisionUpdate vision(window().config, window().state.capacity());
+  SlamUpdate slam(window().config, window().state.capacity());
   std::vector<TrackObservation> observations;
   for (const Track& track : window().tracks) {
     const CloneObservation& now = track.observations.back();
@@ -69,7 +71,7 @@ void BM_SlamUpdate(benchmark::State& timing) {
   for (auto _ : timing) {
     State state = window().state;
     report = {};
-    vision.update_slam(state, observations, report);
+    slam.update(state, observations, report);
   }
   timing.counters["used"] = report.slam_used;
 }

@@ -106,4 +106,11 @@ inline void add_slam_features(FilledWindow& window, int count) {
       window.state, {}, some_tracks(window, 0, static_cast<std::size_t>(2 * count)), count, report);
 }
 
+// Takes so much from the variance of one part of the state that no covariance is left.
+inline void make_impossible(State& state, int row) {
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(state.dimension());
+  const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(state.dimension(), state.dimension());
+  state.correct(none, unit.col(row), Eigen::MatrixXd::Constant(1, 1, 1e-2));
+}
+
 }  // namespace covey

@@ -15,8 +15,8 @@
 
 #include "estimator/imu_transition.h"
 #include "estimator/observation_model.h"
+#include "estimator/slam_update.h"
 #include "estimator/so3.h"
-#include "estimator/vision_update.h"
 #include "tests/estimator/moved_imu.h"
 #include "tests/estimator/numeric_jacobian.h"
 
@@ -397,13 +397,13 @@ Eigen::VectorXd computed_in_second(State state, const Eigen::VectorXd& dx) {
   return bearing + by_intrinsics() * state.intrinsics_error();
 }
 
-TEST(VisionUpdate, MovingTheAnchorCarriesErrorsAsDifferencesDo) {
+TEST(SlamUpdate, MovingTheAnchorCarriesErrorsAsDifferencesDo) {
   State state = with_landmark();
   const Eigen::MatrixXd P = state.covariance(), J = numeric_by_state(state, seen_from_second);
   const Eigen::VectorXd expected =
       seen_from_second(state, Eigen::VectorXd::Zero(state.dimension()));
   UpdateReport report;
-  VisionUpdate(calibrating(), state.capacity()).reanchor(state, 0, report);
+  reanchor(state, 0, report);
   ASSERT_EQ(report.slam_reanchored, 1);
   EXPECT_LT((state.landmarks()[0].inverse_depth - expected).norm(), 1e-12);
   const int offset = state.landmark_offset(0);
@@ -414,7 +414,7 @@ TEST(VisionUpdate, MovingTheAnchorCarriesErrorsAsDifferencesDo) {
             1e-6 * P.norm());
 }
 
-TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
+TEST(SlamUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   State state = with_landmark();
   const Eigen::MatrixXd P = state.covariance();
   const Eigen::MatrixXd H = numeric_by_state(state, computed_in_second);
@@ -432,8 +432,8 @@ TEST(VisionUpdate, ASlamFeatureIsUsedAsDifferencesSay) {
   const BearingByIntrinsics by_intrinsics_seen =
       by_intrinsics() + pinhole_by_intrinsics(expected + off) - pinhole_by_intrinsics(predicted);
   UpdateReport report;
-  VisionUpdate(calibrating(), state.capacity())
-      .update_slam(state, {{7, expected + off, noise, by_intrinsics_seen}}, report);
+  SlamUpdate(calibrating(), state.capacity())
+      .update(state, {{7, expected + off, noise, by_intrinsics_seen}}, report);
   ASSERT_EQ(report.slam_used, 1);
   const double moved = (K * off).norm();
   EXPECT_LT((state.imu().pose.p_world_imu - updated.imu().pose.p_world_imu).norm(), 1e-6 * moved);
