@@ -17,7 +17,6 @@
 #include "apps/grey_image.h"
 #include "apps/json_file.h"
 #include "apps/link_process.h"
-#include "apps/start_doubt.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
 #include "comms/peer_link.h"
@@ -143,7 +142,8 @@ Agent::Agent(const AgentConfig& config, Dataset dataset, OnboardLink* onboard)
       odometry_file_(folder_),
       timing_file_(folder_),
       link_file_(folder_),
-      exchange_file_(folder_) {
+      exchange_file_(folder_),
+      warnings_(config, dataset_.line_delay_s) {
   if (pipeline_.calibration() != nullptr) {
     thermal_file_.emplace(folder_);
     pictures_.emplace(dataset_.images);
@@ -278,84 +278,10 @@ void Agent::publish_status() {
 void Agent::show_status() {
   if (!status_file_.due(steady_ms())) return;
   write_status();
-  warn_of_rows();
+  warnings_.of_camera(pipeline_);
   if (!link_) return;
-  warn_of_namesake();
-  warn_of_crowd();
-  warn_of_port();
-  warn_of_network();
-  warn_of_start();
-  warn_of_moves();
-}
-
-// Both then ask and answer in one name, and nobody else can tell them apart.
-void Agent::warn_of_namesake() {
-  if (warned_of_namesake_) return;
-  for (const auto& [peer, reasons] : link_->statistics().rejected) {
-    if (reasons.count(kNamesake) == 0) continue;
-    spdlog::warn("{}: give each drone of the team an agent.name of its own", kNamesake);
-    warned_of_namesake_ = true;
-    return;
-  }
-}
-
-void Agent::warn_of_crowd() {
-  if (warned_of_crowd_ || link_->statistics().refused.count(kCrowd) == 0) return;
-  spdlog::warn("{}, {}: some are not answered", kCrowd, config_.link.max_agents);
-  warned_of_crowd_ = true;
-}
-
-// It finds those who sit where all look, and nobody else who does not.
-void Agent::warn_of_port() {
-  const std::uint64_t port = link_->statistics().unseen_port;
-  if (warned_of_port_ || port == 0) return;
-  spdlog::warn(
-      "the link listens at UDP port {}, where no drone looks for another: programs of this "
-      "computer, as ROS 2's are, have taken the ports before it in DDS domain {}; give all drones "
-      "a link.domain that no other program uses, or, where several of them share a computer, "
-      "raise discovery.ports_per_host",
-      port, config_.link.domain);
-  warned_of_port_ = true;
-}
-
-// Once: a radio may come and go, and status.json tells of now.
-void Agent::warn_of_network() {
-  const std::string missing = link_->statistics().missing_network;
-  if (warned_of_network_ || missing.empty()) return;
-  spdlog::warn("{}: the link uses it as soon as it is there, and the drone flies on", missing);
-  warned_of_network_ = true;
-}
-
-void Agent::warn_of_rows() {
-  const std::optional<double> line_delay_s = pipeline_.line_delay_found_s();
-  if (warned_of_rows_ || !line_delay_s) return;
-  spdlog::warn(
-      "the image seems to be read row by row, {:.0f} us or more each, and sensor.yaml says {:.0f}: "
-      "has the camera a rolling shutter? That is its line_delay, in s",
-      1e6 * *line_delay_s, 1e6 * dataset_.line_delay_s);
-  warned_of_rows_ = true;
-}
-
-void Agent::warn_of_start() {
-  const bool should_fit =
-      config_.collaboration.exchange == ExchangeMode::kCompact && config_.fusion.drift.common_start;
-  const std::optional<CollaboratorReport> report = pipeline_.collaboration();
-  if (warned_of_start_ || !should_fit || !report) return;
-  const std::optional<std::string> doubt = doubt_of_start(peer_counts_, *report);
-  if (!doubt) return;
-  spdlog::warn("{}", *doubt);
-  warned_of_start_ = true;
-}
-
-void Agent::warn_of_moves() {
-  const DriftFilter* team = pipeline_.team_knowledge();
-  if (team == nullptr) return;
-  for (const std::string& peer : team->peers()) {
-    const int moves = team->moves(peer);
-    if (std::exchange(moves_told_[peer], moves) < moves) {
-      spdlog::warn("{}", words_on_move(peer, *team));
-    }
-  }
+  warnings_.of_link(link_->statistics());
+  warnings_.of_team(pipeline_, peer_counts_);
 }
 
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
@@ -607,11 +533,8 @@ void Agent::keep_calibration() const {
 }
 
 AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
-  warn_of_rows();
-  if (link_) {
-    warn_of_start();
-    warn_of_moves();
-  }
+  warnings_.of_camera(pipeline_);
+  if (link_) warnings_.of_team(pipeline_, peer_counts_);
   write_status();
   if (link_) link_->close();
   if (pipeline_.calibration() != nullptr) keep_calibration();

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -18,6 +17,7 @@
 #include "apps/control_channel.h"
 #include "apps/dataset.h"
 #include "apps/flight_pictures.h"
+#include "apps/flight_warnings.h"
 #include "apps/pipeline.h"
 #include "apps/process_usage.h"
 #include "apps/run_files.h"
@@ -32,13 +32,6 @@ namespace covey {
 inline constexpr char kAgentConfigFile[] = "config.json";
 inline constexpr char kAgentSummaryFile[] = "agent_summary.json";
 inline constexpr char kAgentStatusFile[] = "status.json";  // once a second, and at the end
-
-// What became of the peers' messages, since the start: of answers, and how much was learnt from
-// what peers have found of own keyframes.
-struct PeerCounts {
-  std::int64_t fused = 0, gated = 0, rejected = 0;
-  std::int64_t learned = 0;
-};
 
 // Whether a drone tells the others its status again, after what it `told` last: at once when it
 // changes, and now and then. That the drone is there the link says by itself.
@@ -109,13 +102,6 @@ class Agent {
   void publish_status();
   void write_status();
   [[nodiscard]] nlohmann::json status_json() const;
-  void warn_of_namesake();
-  void warn_of_crowd();
-  void warn_of_port();
-  void warn_of_network();
-  void warn_of_rows();
-  void warn_of_start();
-  void warn_of_moves();
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] double cpu_s() const;
@@ -140,6 +126,7 @@ class Agent {
   TimingWriter timing_file_;
   LinkWriter link_file_;
   ExchangeWriter exchange_file_;
+  FlightWarnings warnings_;
   // Of a calibrated thermal camera.
   std::optional<ThermalWriter> thermal_file_;
   std::optional<FlightPictures> pictures_;
@@ -152,9 +139,6 @@ class Agent {
   int repeated_images_ = 0, uniform_images_ = 0;
   std::optional<TimeNs> unseen_since_ns_;  // without a scene
   bool blind_ = false;                     // and that was said
-  bool warned_of_namesake_ = false, warned_of_crowd_ = false, warned_of_port_ = false,
-       warned_of_network_ = false, warned_of_start_ = false, warned_of_rows_ = false;
-  std::map<std::string, int> moves_told_;  // of peers' worlds
   CpuLoadMonitor cpu_load_;
   std::int64_t frames_ = 0, dropped_ = 0;
   std::int64_t track_sightings_ = 0, tracks_begun_ = 0;

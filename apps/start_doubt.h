@@ -4,14 +4,21 @@
 // nowhere: it flies as if alone, and nothing else would say why.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 
-#include "apps/agent.h"
 #include "estimator/drift_filter.h"
 #include "frontend/collaborator.h"
 
 namespace covey {
+
+// What became of the peers' messages, since the start: of answers, and how much was learnt from
+// what peers have found of own keyframes.
+struct PeerCounts {
+  std::int64_t fused = 0, gated = 0, rejected = 0;
+  std::int64_t learned = 0;
+};
 
 // What to ask the user, of a drone whose peers' answers hardly ever fit. Nothing if enough of them
 // do, or too few have come to tell.
