@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -214,8 +215,16 @@ TEST_F(CollectedFlight, AWorldWhoseDroneHasLeftNothingIsNotJudged) {
   EXPECT_THAT(covey.output(), HasSubstr("uav0 has found uav7's world, which cannot be judged"));
   const RunSummary summary = read_run_summary(run() / "summary.json");
   ASSERT_TRUE(summary.agents.at("uav0").alignments);
-  EXPECT_EQ(summary.agents.at("uav0").alignments->count("uav1"), 1u);
+  ASSERT_EQ(summary.agents.at("uav0").alignments->count("uav1"), 1u);
   EXPECT_EQ(summary.agents.at("uav0").alignments->count("uav7"), 0u);
+  // Both worlds lie and are turned alike: all that was found is wrong.
+  const AlignmentSummary& alignment = summary.agents.at("uav0").alignments->at("uav1");
+  const double cosine = std::sqrt(0.75), sine = 0.5;
+  const double off_x = cosine - sine, off_y = sine + cosine + 1, off_z = 3;
+  EXPECT_NEAR(alignment.position_error_m, std::hypot(off_x, off_y, off_z), 1e-9);
+  EXPECT_NEAR(alignment.yaw_error_deg, 30, 1e-9);
+  EXPECT_EQ(alignment.position_sigma_m, 0.1);
+  EXPECT_EQ(alignment.yaw_sigma_deg, 1);
   fs::remove_all(run() / "uav1");
   CoveyProcess without({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--config", own});
   EXPECT_EQ(without.finish(), 0) << without.output();
