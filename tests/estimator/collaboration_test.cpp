@@ -52,6 +52,7 @@ TeamStatistics fly_all(const TeamFlight& flight) {
     const TeamRun run = fly(flight, static_cast<std::uint64_t>(seed));
     sum.fused.used += run.fused.used;
     sum.fused.gated += run.fused.gated;
+    sum.fused.unknown_track += run.fused.unknown_track;
     sum.messages_used += run.messages_used;
     for (std::size_t i = 0; i < run.drones.size(); ++i) {
       EXPECT_TRUE(run.drones[i].covariance_valid);
@@ -124,6 +125,22 @@ TEST(Collaboration, WrongMatchesDoNoHarm) {
   EXPECT_GT(team.fused.gated, 0);
   if (!kEnoughForStatistics) return;
   expect_honest(team);
+}
+
+// What has been seen meanwhile is in the filter; tracks that have ended are not found there any
+// more.
+TEST(Collaboration, AnswersThatComeLateAreUsedAsFarAsTheirTracksLastAndDoNoHarm) {
+  TeamFlight flight;
+  flight.pixel_sigma = {kPoor_px, kGood_px};
+  const TeamStatistics at_once = fly_all(flight);
+  flight.answer_delay_s = 1;
+  const TeamStatistics late = fly_all(flight);
+  EXPECT_GT(late.fused.used, 0);
+  EXPECT_LT(late.fused.used, at_once.fused.used);
+  EXPECT_GT(late.fused.unknown_track, at_once.fused.unknown_track);
+  if (!kEnoughForStatistics) return;
+  expect_honest(late);
+  EXPECT_LT(late.drones[0].position_m, 1.02 * alone(flight).drones[0].position_m);
 }
 
 }  // namespace

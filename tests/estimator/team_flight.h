@@ -26,7 +26,8 @@ struct TeamFlight {
   double matching_sigma_px = 0.7;
   double keyframe_interval_s = 0.5;
   bool collaborate = true;
-  double wrong_share = 0;  // of the matches of each message
+  double wrong_share = 0;     // of the matches of each message
+  double answer_delay_s = 0;  // from the keyframe that is asked about to what is matched with it
   EstimatorConfig config;
 };
 
@@ -164,10 +165,8 @@ inline KeyframeMatch match_keyframes(const TeamMember& own, const TeamMember& pe
   return best;
 }
 
-inline void tell(TeamMember& own, const TeamMember& peer, const TeamFlight& flight, Random& random,
-                 TeamRun& run) {
+inline void tell(TeamMember& own, const KeyframeMatch& match, TeamRun& run) {
   constexpr std::size_t kMinMatches = 8;
-  const KeyframeMatch match = match_keyframes(own, peer, flight, random);
   if (match.matches.size() < kMinMatches) return;
   const PeerReport report = own.estimator().add_peer(match);
   ++run.messages;
@@ -201,17 +200,29 @@ inline TeamRun fly(const TeamFlight& flight, std::uint64_t seed) {
   std::vector<TeamMember> team = team_of(flight, seed);
   Random random(seed, 0x7ea3);
   TeamRun run;
-  const auto keyframe_every =
-      static_cast<std::size_t>(std::lround(flight.keyframe_interval_s * FeatureCamera{}.rate_hz));
+  const auto images_of = [](double seconds) {
+    return static_cast<std::size_t>(std::lround(seconds * FeatureCamera{}.rate_hz));
+  };
+  const std::size_t keyframe_every = images_of(flight.keyframe_interval_s);
+  struct Answer {
+    std::size_t due_image = 0, own = 0;
+    KeyframeMatch match;
+  };
+  std::deque<Answer> under_way;
   for (std::size_t image = 0; image < team.front().images(); ++image) {
     for (TeamMember& member : team) member.fly_to(image);
     if (flight.collaborate && image % keyframe_every == 0) {
       for (TeamMember& member : team) member.store_keyframe(image);
-      for (TeamMember& own : team) {
-        for (const TeamMember& peer : team) {
-          if (&own != &peer) tell(own, peer, flight, random, run);
+      for (std::size_t own = 0; own < team.size(); ++own) {
+        for (std::size_t peer = 0; peer < team.size(); ++peer) {
+          if (own == peer) continue;
+          under_way.push_back({image + images_of(flight.answer_delay_s), own,
+                               match_keyframes(team[own], team[peer], flight, random)});
         }
       }
+    }
+    for (; !under_way.empty() && under_way.front().due_image <= image; under_way.pop_front()) {
+      tell(team[under_way.front().own], under_way.front().match, run);
     }
     for (TeamMember& member : team) member.record();
   }
