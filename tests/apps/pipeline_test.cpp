@@ -237,6 +237,41 @@ class Drone {
   std::size_t next_imu_ = 0;
 };
 
+// Of a drone that stands still for so long: when it asks, s, and whether with corners.
+std::vector<std::pair<double, bool>> questions_at_rest(double seconds) {
+  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  const cv::Mat seen =
+      read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
+  AgentConfig config;
+  config.initialisation.method = InitMethod::kStatic;
+  Pipeline pipeline(config, sensors_of(dataset), {});
+  ImuSample at_rest;
+  at_rest.accel_imu = dataset.ground_truth->states.front().pose.q_world_imu.conjugate() *
+                      Eigen::Vector3d(0, 0, 9.81);
+  std::vector<std::pair<double, bool>> questions;
+  constexpr double kImages_s = 0.1, kSamples_s = 0.005;
+  for (int image = 0; image * kImages_s < seconds; ++image) {
+    for (; at_rest.stamp_ns <= nanoseconds(image * kImages_s);
+         at_rest.stamp_ns += nanoseconds(kSamples_s)) {
+      pipeline.add_imu(at_rest);
+    }
+    const ImageResult result = pipeline.add_image(nanoseconds(image * kImages_s), seen);
+    if (result.advert)
+      questions.emplace_back(image * kImages_s, !result.advert->descriptor.empty());
+  }
+  return questions;
+}
+
+TEST(Pipeline, ADroneThatStandsAsksAgainEverMoreRarelyAsLongAsNobodyAnswers) {
+  const auto questions = questions_at_rest(12);
+  ASSERT_EQ(questions.size(), 3u);
+  const auto& [first_s, first_with_corners] = questions[0];
+  EXPECT_LT(first_s, 1.5) << "it has started";
+  EXPECT_NEAR(questions[1].first - first_s, 3, 0.11);
+  EXPECT_NEAR(questions[2].first - questions[1].first, 6, 0.11);
+  for (const auto& [when_s, with_corners] : questions) EXPECT_TRUE(with_corners) << when_s;
+}
+
 TEST(Pipeline, SameInputGivesBitEqualOdometry) {
   Drone one("uav0", FlightMode::kSolo), other("uav0", FlightMode::kSolo);
   for (std::size_t i = 0; i < 10; ++i) {
