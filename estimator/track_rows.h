@@ -71,7 +71,6 @@ class RowStack {
   RowStack(const EstimatorConfig& config, int max_tracks, int state_capacity);
 
   void clear() { count_ = 0; }
-  [[nodiscard]] int count() const { return count_; }
   [[nodiscard]] bool has_room(const Track& track) const;
   void add(const Eigen::RowVectorXd& row);
   // The first `columns` of a track's rows, each times `weight`.
