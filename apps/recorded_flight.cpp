@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <stdexcept>
 
 #include "apps/dataset.h"
@@ -35,6 +36,25 @@ RecordedFlight read_recorded_flight(const std::filesystem::path& ground_truth_cs
   }
   if (!imu_csv.empty()) flight.imu = read_imu(imu_csv);
   return flight;
+}
+
+std::vector<RecordedFlight> read_recorded_flights(const RecordedFiles& files,
+                                                  const std::string& command) {
+  const std::size_t count = files.trajectories.size();
+  const auto require_one_each = [&](const char* option, std::size_t given) {
+    if (given > 0 && given != count)
+      throw std::runtime_error(
+          fmt::format("{}: {} needs one for each --trajectory", command, option));
+  };
+  require_one_each("--imu", files.imus.size());
+  require_one_each("--begin", files.begins_s.size());
+  std::vector<RecordedFlight> flights;
+  for (std::size_t i = 0; i < count; ++i) {
+    flights.push_back(read_recorded_flight(files.trajectories[i],
+                                           files.imus.empty() ? std::string() : files.imus[i],
+                                           files.begins_s.empty() ? 0 : files.begins_s[i]));
+  }
+  return flights;
 }
 
 }  // namespace covey

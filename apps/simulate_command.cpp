@@ -42,11 +42,9 @@ struct Options {
   std::string scenario;
   std::string out;
   SimulationRequest request;
-  std::vector<std::string> trajectories;
-  std::vector<std::string> imus;
-  std::vector<double> begins_s;  // of the trajectories
-  std::string camera;            // sensor.yaml
-  std::string imu_noise;         // sensor.yaml
+  RecordedFiles recordings;
+  std::string camera;     // sensor.yaml
+  std::string imu_noise;  // sensor.yaml
   bool raw16 = false;
   bool force = false;
 };
@@ -146,22 +144,13 @@ class RenderingCrew {
 };
 
 void read_recordings(Options& options) {
-  const std::vector<std::string>& files = options.trajectories;
-  const auto require_one_each = [&](const char* option, std::size_t given) {
-    if (given > 0 && given != files.size())
-      throw std::runtime_error(fmt::format("simulate: {} needs one for each --trajectory", option));
-  };
-  require_one_each("--imu", options.imus.size());
-  require_one_each("--begin", options.begins_s.size());
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    options.request.recorded.push_back(
-        read_recorded_flight(files[i], options.imus.empty() ? std::string() : options.imus[i],
-                             options.begins_s.empty() ? 0 : options.begins_s[i]));
-    const std::vector<TrueState>& states = options.request.recorded.back().states;
+  options.request.recorded = read_recorded_flights(options.recordings, "simulate");
+  for (std::size_t i = 0; i < options.request.recorded.size(); ++i) {
+    const std::vector<TrueState>& states = options.request.recorded[i].states;
     const double recorded_s = seconds_between(states.front().stamp_ns, states.back().stamp_ns);
     if (options.request.duration_s > recorded_s)
-      spdlog::warn("{}: lasts {:.1f} s, not {:g}: so long uav{} flies", files[i], recorded_s,
-                   options.request.duration_s, i);
+      spdlog::warn("{}: lasts {:.1f} s, not {:g}: so long uav{} flies",
+                   options.recordings.trajectories[i], recorded_s, options.request.duration_s, i);
   }
 }
 
@@ -177,7 +166,8 @@ void read_sensor_files(Options& options) {
     for (const std::string& doubt : doubts_about(*options.request.imu_noise, options.imu_noise))
       spdlog::warn("{}", doubt);
   }
-  if (!options.imus.empty() && (options.request.imu_noise || options.request.imu_rate_hz))
+  if (!options.recordings.imus.empty() &&
+      (options.request.imu_noise || options.request.imu_rate_hz))
     throw std::runtime_error(
         "simulate: --imu-noise and --imu-rate are for simulated IMUs, --imu is a recorded one");
 }
@@ -189,7 +179,8 @@ void require_images(const std::vector<DroneSimulation>& drones, const Options& o
     throw std::runtime_error(fmt::format(
         "{}: ends before the first image, of which there are {:g} per second: fly more of it, or "
         "more images (--rate)",
-        i < options.trajectories.size() ? options.trajectories[i] : drones[i].name(),
+        i < options.recordings.trajectories.size() ? options.recordings.trajectories[i]
+                                                   : drones[i].name(),
         options.request.camera_rate_hz));
   }
 }
@@ -262,13 +253,13 @@ void add_simulate_command(CLI::App& covey) {
                       "sensor.yaml with the noise of another IMU");
   command->add_option("--imu-rate", request.imu_rate_hz, "IMU samples per second (default: 200)")
       ->check(NumberRange(20.0, 4000.0));
-  command->add_option("--trajectory", options->trajectories,
+  command->add_option("--trajectory", options->recordings.trajectories,
                       "Recorded motion to fly, EuRoC csv, one for each drone (room)");
   command
-      ->add_option("--begin", options->begins_s,
+      ->add_option("--begin", options->recordings.begins_s,
                    "s into the recording at which a drone begins, one for each --trajectory")
       ->check(NumberRange(0.0, 1e5));
-  command->add_option("--imu", options->imus,
+  command->add_option("--imu", options->recordings.imus,
                       "Recorded IMU that belongs to it, EuRoC csv, one for each --trajectory");
   command->add_flag("--raw16", options->raw16, "Write 16-bit thermal images as well (cam0raw16)");
   command->add_flag("--shutter", request.shutter_events,

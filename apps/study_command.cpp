@@ -26,8 +26,7 @@ struct Options {
   std::vector<int> team_sizes{2, 4, 8, 16, 32};
   int drones = 4;
   StudyConfig study;
-  std::vector<std::string> trajectories;
-  std::vector<double> begins_s;  // of the trajectories
+  RecordedFiles recordings;
   bool force = false;
 };
 
@@ -65,24 +64,19 @@ void study_ablation(const Options& options) {
 }
 
 void read_recordings(Options& options) {
-  const std::vector<std::string>& files = options.trajectories;
-  if (!options.begins_s.empty() && options.begins_s.size() != files.size())
-    throw std::runtime_error("study: --begin needs one for each --trajectory");
-  if (files.empty()) return;
-  if (options.what != "ablation")
-    throw std::runtime_error("study: --trajectory is for ablation, where one drone flies each");
-  if (options.study.scenario != "room")
-    throw std::runtime_error("study: --trajectory is flown in a room: add --scenario room");
-  if (files.size() < 2) throw std::runtime_error("study: --trajectory needs two or more: a team");
-  std::vector<RecordedFlight> flights;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    const double begin_s = options.begins_s.empty() ? 0 : options.begins_s[i];
-    flights.push_back(read_recorded_flight(files[i], {}, begin_s));
-    keep_first_seconds(flights.back(), options.study.duration_s);
+  const std::size_t count = options.recordings.trajectories.size();
+  if (count > 0) {
+    if (options.what != "ablation")
+      throw std::runtime_error("study: --trajectory is for ablation, where one drone flies each");
+    if (options.study.scenario != "room")
+      throw std::runtime_error("study: --trajectory is flown in a room: add --scenario room");
+    if (count < 2) throw std::runtime_error("study: --trajectory needs two or more: a team");
+    options.drones = static_cast<int>(count);
   }
+  std::vector<RecordedFlight> flights = read_recorded_flights(options.recordings, "study");
+  for (RecordedFlight& flight : flights) keep_first_seconds(flight, options.study.duration_s);
   move_into_one_room(flights);
   for (const RecordedFlight& flight : flights) options.study.recorded.push_back(fly_again(flight));
-  options.drones = static_cast<int>(flights.size());
 }
 
 void study(Options options) {
@@ -104,9 +98,8 @@ void add_study_command(CLI::App& covey) {
   command->footer(
       "Examples: covey study scaling --out scaling\n"
       "          covey study ablation --scenario mars_yard --seconds 30 --seeds 10 --out ablation\n"
-      "          covey study ablation --scenario room --trajectory MH_04.csv V2_01.csv --seconds "
-      "30 "
-      "--out room\n"
+      "          covey study ablation --scenario room --trajectory MH_04.csv V2_01.csv "
+      "--seconds 30 --out room\n"
       "Writes scaling.csv and scaling.svg, or ablation.csv, and summary.json.");
   command
       ->add_option("what", options->what,
@@ -141,11 +134,11 @@ void add_study_command(CLI::App& covey) {
                             ->capture_default_str()
                             ->check(CLI::Range(2, 64));
   command
-      ->add_option("--trajectory", options->trajectories,
+      ->add_option("--trajectory", options->recordings.trajectories,
                    "ablation of recorded motion, EuRoC csv, one for each drone (room)")
       ->excludes(drones);
   command
-      ->add_option("--begin", options->begins_s,
+      ->add_option("--begin", options->recordings.begins_s,
                    "s into the recording at which a drone begins, one for each --trajectory")
       ->check(NumberRange(0.0, 1e5));
   command->add_flag("--force", options->force, "Replace a study of the same kind");

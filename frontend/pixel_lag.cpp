@@ -52,6 +52,16 @@ Eigen::Vector2i in_units(const Eigen::Vector2f& pixels, float of_a_pixel) {
   return (of_a_pixel * pixels).array().round().cast<int>();
 }
 
+// A whole number that grows by `step` for each pixel.
+struct Ramp {
+  std::int16_t begin = 0, step = 0;
+  Ramp(int begin_in, int step_in)
+      : begin(static_cast<std::int16_t>(begin_in)), step(static_cast<std::int16_t>(step_in)) {}
+  [[nodiscard]] std::int16_t at(int pixel) const {
+    return static_cast<std::int16_t>(begin + static_cast<std::int16_t>(pixel) * step);
+  }
+};
+
 // How many pixels on, `part` of a pixel that grows by `step` for each stays within one.
 int pixels_within_one(int part, int step) {
   if (step > 0) return 1 + (kOne - 1 - part) / step;
@@ -65,20 +75,14 @@ int pixels_within_one(int part, int step) {
 void take_lag_out(const std::uint8_t* in, std::ptrdiff_t down, const Eigen::Vector2i& path,
                   const Eigen::Vector2i& step, int count, std::int16_t* out) {
   constexpr int kHalf = 1 << (kPathLog2 - 1);
-  const auto path_x = static_cast<std::int16_t>(path.x());
-  const auto path_y = static_cast<std::int16_t>(path.y());
-  const auto step_x = static_cast<std::int16_t>(step.x());
-  const auto step_y = static_cast<std::int16_t>(step.y());
+  const Ramp path_x(path.x(), step.x()), path_y(path.y(), step.y());
   for (int x = 0; x < count; ++x) {
-    const auto along = static_cast<std::int16_t>(x);
-    const auto here_x = static_cast<std::int16_t>(path_x + along * step_x);
-    const auto here_y = static_cast<std::int16_t>(path_y + along * step_y);
     const auto across_x =
         static_cast<std::int16_t>(8 * (in[x + 1] - in[x - 1]) - (in[x + 2] - in[x - 2]));
     const auto across_y = static_cast<std::int16_t>(8 * (in[x + down] - in[x - down]) -
                                                     (in[x + 2 * down] - in[x - 2 * down]));
-    const auto lag =
-        static_cast<std::int16_t>((here_x * across_x + here_y * across_y + kHalf) >> kPathLog2);
+    const auto lag = static_cast<std::int16_t>(
+        (path_x.at(x) * across_x + path_y.at(x) * across_y + kHalf) >> kPathLog2);
     const auto level = static_cast<std::int16_t>(kParts * in[x] - lag);
     out[x] = std::min(std::max(level, static_cast<std::int16_t>(-kMostParts)), kMostParts);
   }
@@ -98,17 +102,12 @@ std::int16_t between(std::int16_t from, std::int16_t to, std::int16_t part) {
 // Bilinear, between two rows of levels; `part` of a pixel on, growing by `step` for each pixel.
 void blend(const std::int16_t* top, const std::int16_t* bottom, const Eigen::Vector2i& part,
            const Eigen::Vector2i& step, int count, std::uint8_t* out) {
-  const auto part_x = static_cast<std::int16_t>(part.x());
-  const auto part_y = static_cast<std::int16_t>(part.y());
-  const auto step_x = static_cast<std::int16_t>(step.x());
-  const auto step_y = static_cast<std::int16_t>(step.y());
+  const Ramp part_x(part.x(), step.x()), part_y(part.y(), step.y());
   for (int i = 0; i < count; ++i) {
-    const auto along = static_cast<std::int16_t>(i);
-    const auto fx = static_cast<std::int16_t>(part_x + along * step_x);
-    const auto fy = static_cast<std::int16_t>(part_y + along * step_y);
-    const std::int16_t above = between(top[i], top[i + 1], fx);
-    const std::int16_t below = between(bottom[i], bottom[i + 1], fx);
-    const auto rounded = static_cast<std::int16_t>(between(above, below, fy) + kParts / 2);
+    const std::int16_t above = between(top[i], top[i + 1], part_x.at(i));
+    const std::int16_t below = between(bottom[i], bottom[i + 1], part_x.at(i));
+    const auto rounded =
+        static_cast<std::int16_t>(between(above, below, part_y.at(i)) + kParts / 2);
     const auto level = static_cast<std::int16_t>(rounded >> kPartsLog2);
     out[i] =
         static_cast<std::uint8_t>(std::min(std::max(level, std::int16_t{0}), std::int16_t{255}));
