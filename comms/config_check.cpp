@@ -7,20 +7,16 @@
 #include <algorithm>
 #include <cstdlib>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "comms/checks.h"
 #include "comms/key_folder.h"
+#include "comms/link_require.h"
 #include "comms/own_addresses.h"
 
 namespace covey {
 namespace {
-
-void require(bool good, const std::string& complaint) {
-  if (!good) throw std::runtime_error("link: " + complaint);
-}
 
 void check_name(const char* setting, const std::string& name) {
   require(is_agent_name(name), std::string(setting) + " \"" + name +

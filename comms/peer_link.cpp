@@ -15,7 +15,6 @@
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <memory>
 #include <mutex>
-#include <stdexcept>
 #include <thread>
 #include <utility>
 
@@ -26,6 +25,7 @@
 #include "comms/dds_owners.h"
 #include "comms/link_events.h"
 #include "comms/link_network.h"
+#include "comms/link_require.h"
 #include "comms/link_state.h"
 #include "comms/outbox.h"
 #include "comms/qos.h"
@@ -71,10 +71,6 @@ std::size_t max_bytes(Kind kind) {
       break;
   }
   return kMaxOdometryBytes;
-}
-
-void require(bool good, const std::string& complaint) {
-  if (!good) throw std::runtime_error("link: " + complaint);
 }
 
 std::string words_on_no_socket(const LinkConfig& config) {
