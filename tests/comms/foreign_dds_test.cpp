@@ -26,6 +26,7 @@
 #include <string>
 
 #include "comms/byte_type.h"
+#include "comms/dds_owners.h"
 #include "comms/qos.h"
 #include "tests/comms/samples.h"
 #include "tests/comms/team_config.h"
@@ -61,24 +62,19 @@ class Awaited {
 class Stranger : public dds::DataWriterListener, public dds::DataReaderListener {
  public:
   Stranger() : config_(team_config("stranger")) {
-    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+    participant_.reset(dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<dds::DomainId_t>(config_.domain),
-        participant_qos(config_, std::make_shared<Wire>()));
+        participant_qos(config_, std::make_shared<Wire>())));
     if (participant_ == nullptr) throw std::runtime_error("no participant");
+    publisher_ = create_publisher(*participant_);
+    if (publisher_ == nullptr) throw std::runtime_error("no publisher");
   }
-  ~Stranger() override {
-    participant_->delete_contained_entities();
-    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
-  }
-  Stranger(const Stranger&) = delete;
-  Stranger& operator=(const Stranger&) = delete;
 
   // Returns a writer that has found its reader.
   dds::DataWriter* writer(Kind kind, const std::string& topic, const std::string& type,
                           std::size_t max_bytes) {
-    dds::Publisher* publisher = participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
-    dds::DataWriter* out = publisher->create_datawriter(create_topic(topic, type, max_bytes),
-                                                        writer_qos(kind, config_), this);
+    dds::DataWriter* out = publisher_->create_datawriter(create_topic(topic, type, max_bytes),
+                                                         writer_qos(kind, config_), this);
     if (matched_.wait_until([](int count) { return count > 0; }) == 0)
       throw std::runtime_error("no match for " + topic);
     return out;
@@ -115,14 +111,16 @@ class Stranger : public dds::DataWriterListener, public dds::DataReaderListener 
   dds::Topic* create_topic(const std::string& topic, const std::string& type,
                            std::size_t max_bytes) {
     const KeyOf key_of = type == "covey::wire::AgentStatus" ? key_of_status : nullptr;
-    dds::TypeSupport(new ByteType(type, max_bytes, key_of)).register_type(participant_);
+    dds::TypeSupport(new ByteType(type, max_bytes, key_of)).register_type(participant_.get());
     return participant_->create_topic(topic, type, dds::TOPIC_QOS_DEFAULT);
   }
 
   const LinkConfig config_;
-  dds::DomainParticipant* participant_ = nullptr;
   Awaited<int> matched_;
   Awaited<Bytes> heard_;
+  // End first: until then they call back.
+  ParticipantOwner participant_;
+  PublisherOwner publisher_;
 };
 
 bool say(dds::DataWriter* writer, Bytes bytes) {
@@ -204,18 +202,13 @@ class DiscoveryServer {
     wire.builtin.metatrafficUnicastLocatorList.push_back(locator);
     wire.builtin.discovery_config.discoveryProtocol =
         eprosima::fastrtps::rtps::DiscoveryProtocol::SERVER;
-    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
-        static_cast<dds::DomainId_t>(team_config("server").domain), qos);
+    participant_.reset(dds::DomainParticipantFactory::get_instance()->create_participant(
+        static_cast<dds::DomainId_t>(team_config("server").domain), qos));
     if (participant_ == nullptr) throw std::runtime_error("no discovery server");
   }
-  ~DiscoveryServer() {
-    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
-  }
-  DiscoveryServer(const DiscoveryServer&) = delete;
-  DiscoveryServer& operator=(const DiscoveryServer&) = delete;
 
  private:
-  dds::DomainParticipant* participant_ = nullptr;
+  ParticipantOwner participant_;
 };
 
 TEST(ForeignDds, ADiscoveryServerBringsDronesTogether) {
@@ -269,17 +262,11 @@ class Onlooker : public dds::DomainParticipantListener {
  public:
   explicit Onlooker(std::string team) : team_(std::move(team)) {
     const LinkConfig config = team_config("onlooker");
-    participant_ = dds::DomainParticipantFactory::get_instance()->create_participant(
+    participant_.reset(dds::DomainParticipantFactory::get_instance()->create_participant(
         static_cast<dds::DomainId_t>(config.domain),
-        participant_qos(config, std::make_shared<Wire>()), this, dds::StatusMask::none());
+        participant_qos(config, std::make_shared<Wire>()), this, dds::StatusMask::none()));
     if (participant_ == nullptr) throw std::runtime_error("no participant");
   }
-  ~Onlooker() override {
-    participant_->set_listener(nullptr);
-    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
-  }
-  Onlooker(const Onlooker&) = delete;
-  Onlooker& operator=(const Onlooker&) = delete;
 
   void on_publisher_discovery(dds::DomainParticipant* /*participant*/,
                               eprosima::fastrtps::rtps::WriterDiscoveryInfo&& info) override {
@@ -308,10 +295,10 @@ class Onlooker : public dds::DomainParticipantListener {
   }
 
   const std::string team_;  // as topics begin
-  dds::DomainParticipant* participant_ = nullptr;
   std::mutex mutex_;
   std::map<std::string, int> descriptions_;
   Awaited<std::map<std::string, int>> described_;
+  ParticipantOwner participant_;  // ends first: until then it calls back
 };
 
 TEST(ForeignDds, WhoDoesNotGetLinkedIsToldOfTheTopicsAgain) {

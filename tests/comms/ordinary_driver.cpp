@@ -69,9 +69,9 @@ class Driver {
       : participant_(require(dds::DomainParticipantFactory::get_instance()->create_participant(
                                  static_cast<dds::DomainId_t>(domain), participant_qos(where)),
                              "participant")),
-        images_(require(participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT)
-                            ->create_datawriter(topic("rt/", image_topic("camera/image_raw")),
-                                                dds::DATAWRITER_QOS_DEFAULT),
+        publisher_(create_publisher(*participant_)),
+        images_(require(publisher_->create_datawriter(topic("rt/", image_topic("camera/image_raw")),
+                                                      dds::DATAWRITER_QOS_DEFAULT),
                         "writer")),
         odometry_(require(participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
                               ->create_datareader(topic("rt/", nav_odometry_topic("odometry")),
@@ -103,7 +103,8 @@ class Driver {
   }
 
   ParticipantOwner participant_;
-  // Owned by the participant.
+  PublisherOwner publisher_;
+  // Owned by these two.
   dds::DataWriter* images_;
   dds::DataReader* odometry_;
   TimeNs stamp_ns_ = 5'000'000'000;
