@@ -2,101 +2,20 @@
 #include "frontend/collaborator.h"
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
-#include <stdexcept>
 #include <unordered_map>
 #include <utility>
 
+#include "frontend/message_checks.h"
 #include "frontend/nearest_views.h"
 
 namespace covey {
 namespace {
 
-constexpr double kMaxCoordinate = 1e6;     // m
-constexpr std::size_t kMaxAccepted = 256;  // landmarks of a message
-
-void check(const CollaboratorConfig& config, const Vocabulary& vocabulary,
-           const CameraIntrinsics& camera) {
-  const auto require = [](bool good, const char* what) {
-    if (!good) throw std::runtime_error(std::string("collaborator: ") + what);
-  };
-  require(!config.agent.empty(), "agent must have a name");
-  require(!vocabulary.words.empty(), "the vocabulary has no words");
-  require(mean_focal_length_px(camera) > 0, "the focal length must be positive (px)");
-  require(config.keyframe.fallback_depth > 0, "keyframe.fallback_depth must be positive (m)");
-  require(config.min_landmarks >= 1 && config.limiter.max_landmarks >= config.min_landmarks,
-          "need 1 <= min_landmarks <= max_landmarks");
-  require(
-      config.matching.verification.min_inliers >= 3 && config.matching.verification.inlier_px > 0,
-      "verification needs min_inliers >= 3 and inlier_px > 0");
-  require(config.matching.max_relative_sigma > 0 && config.matching.sigma_px >= 0,
-          "need matching.max_relative_sigma > 0 and matching.sigma_px >= 0");
-}
-
 // With what this drone has seen: it was an answer to it, and well formed.
 bool was_compared(NoMatchReason reason) {
   return reason != NoMatchReason::kNotForUs && reason != NoMatchReason::kMalformed &&
          reason != NoMatchReason::kUnknownRequest;
-}
-
-// The paper's drones know places by its VLAD and answer whatever they know.
-CollaboratorConfig for_exchange(CollaboratorConfig config) {
-  // The paper does not tell its threshold. As high as leaves answers in the yard: they are large.
-  constexpr double kThreshold = 0.28;
-  if (config.exchange == ExchangeMode::kCompact) return config;
-  config.place_mode = PlaceMode::kPaper;
-  if (config.place_threshold == 0) config.place_threshold = kThreshold;
-  config.limiter.answer_interval_s = 0;
-  config.limiter.resend_interval_s = 0;
-  config.limiter.landmarks_per_s = 0;
-  config.limiter.max_landmarks = static_cast<int>(kMaxAccepted);
-  config.corners_interval_s = 0;
-  return config;
-}
-
-AnswerRules rules_of(const CollaboratorConfig& config) {
-  AnswerRules rules;
-  rules.place_mode = config.place_mode;
-  rules.least_score =
-      config.place_threshold > 0 ? config.place_threshold : default_threshold(config.place_mode);
-  rules.max_difference = config.answer_max_difference;
-  rules.min_landmarks = static_cast<std::size_t>(config.min_landmarks);
-  rules.max_relative_sigma = config.matching.max_relative_sigma;
-  rules.least_finds = config.matching.min_matches;
-  return rules;
-}
-
-bool is_plausible(const Eigen::Isometry3d& T_world_cam) {
-  constexpr double kNearlyUnit = 1e-3;
-  const Eigen::Matrix3d R = T_world_cam.linear();
-  return T_world_cam.matrix().allFinite() && (R.transpose() * R).isIdentity(kNearlyUnit) &&
-         R.determinant() > 0 && T_world_cam.translation().cwiseAbs().maxCoeff() <= kMaxCoordinate;
-}
-
-bool is_plausible(const CameraView& view) {
-  // Written so that NaN fails too.
-  return is_plausible(view.T_world_cam) && view.mean_depth > 0 && std::isfinite(view.mean_depth) &&
-         view.sigma >= 0;
-}
-
-bool is_finite(const FoundKeyframe& found) {
-  return found.T_keyframe_cam.matrix().allFinite() && std::isfinite(found.log_depth_ratio) &&
-         found.covariance.allFinite();
-}
-
-bool is_well_formed(const PeerKeyframe& message) {
-  if (message.sender.empty() || message.landmarks.size() > kMaxAccepted) return false;
-  if (!std::isfinite(message.patch_spacing)) return false;
-  if (message.found && !is_finite(*message.found)) return false;
-  for (const KeyframePose& pose : {message.pose, message.before}) {
-    if (!is_plausible(pose.T_world_cam) || !pose.covariance.allFinite()) return false;
-  }
-  return std::all_of(
-      message.landmarks.begin(), message.landmarks.end(), [](const PeerLandmark& landmark) {
-        return landmark.bearing.allFinite() && std::isfinite(landmark.inverse_depth) &&
-               landmark.inverse_depth > 0 && std::isfinite(landmark.inverse_depth_sigma);
-      });
 }
 
 std::vector<PeerLandmark> to_peer_landmarks(const std::vector<KeyframeFeature>& features) {
@@ -123,38 +42,20 @@ std::vector<KeyframeFeature> lost_since(const std::vector<KeyframeFeature>& land
 
 }  // namespace
 
-const char* to_string(ExchangeMode exchange) {
-  switch (exchange) {
-    case ExchangeMode::kCompact:
-      return "compact";
-    case ExchangeMode::kPaper:
-      return "paper";
-    case ExchangeMode::kNaive:
-      break;
-  }
-  return "naive";
-}
-
-std::optional<ExchangeMode> exchange_from_name(const std::string& name) {
-  for (const ExchangeMode mode :
-       {ExchangeMode::kCompact, ExchangeMode::kPaper, ExchangeMode::kNaive}) {
-    if (name == to_string(mode)) return mode;
-  }
-  return std::nullopt;
-}
-
 Collaborator::Collaborator(const CollaboratorConfig& config, const Vocabulary& vocabulary,
                            const CameraIntrinsics& camera)
     : config_(for_exchange(config)),
       vocabulary_(vocabulary),
       vocabulary_hash_(vocabulary_hash(vocabulary, config_.place_mode)),
-      answer_rules_(rules_of(config_)),
+      answer_rules_(answer_rules(config_)),
       camera_(camera),
       patch_spacing_(config.matching.patch.spacing_px / mean_focal_length_px(camera)),
       database_(config.database),
+      peer_memory_(config.remembered),
       matcher_(config.matching, camera),
-      limiter_(config_.limiter) {
-  check(config, vocabulary, camera);
+      limiter_(config_.limiter),
+      questions_(question_rules(config_)) {
+  require_workable(config, vocabulary, camera);
   matcher_.know_world(config.agent, Eigen::Isometry3d::Identity());
 }
 
@@ -165,16 +66,12 @@ void Collaborator::set_intrinsics(const CameraIntrinsics& camera) {
 
 void Collaborator::know_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
   matcher_.know_world(peer, T_own_peer);
-  strangers_.erase(peer);
+  questions_.forget_stranger(peer);
 }
 
 void Collaborator::place_anew(const std::string& peer) {
   const std::optional<Eigen::Isometry3d> world = matcher_.world_of(peer);
-  if (!world) return;
-  for (Remembered& seen : remembered_) {
-    if (seen.keyframe.sender != peer) continue;
-    seen.view.T_world_cam = *world * seen.keyframe.pose.T_world_cam;
-  }
+  if (world) peer_memory_.place_anew(peer, *world);
 }
 
 void Collaborator::suppose_world(const std::string& peer, const Eigen::Isometry3d& T_own_peer) {
@@ -196,46 +93,6 @@ PlaceAdvert Collaborator::add_keyframe(const TrackedFrame& described, const Imag
   return advert_of(*database_.last());
 }
 
-bool Collaborator::wants_to_ask() {
-  const Keyframe& newest = *database_.last();
-  const auto last = asked_ ? std::optional(asked_->pose) : std::nullopt;
-  if (config_.exchange == ExchangeMode::kCompact &&
-      !is_worth_asking(config_.question, last, newest.pose, newest.mean_depth)) {
-    return false;
-  }
-  asked_ = Asked{newest.pose, now_ns_};
-  return true;
-}
-
-PlaceAdvert Collaborator::question(PlaceAdvert advert) {
-  forget_strangers_that_left();
-  QuestionsSoFar so_far = questions_;
-  double interval_s = config_.corners_interval_s;
-  if (!strangers_.empty()) {
-    so_far.found_ns.reset();  // with others: strangers heed no brief question
-    interval_s /= 4;
-  }
-  if (may_ask_briefly(interval_s, so_far, advert.stamp_ns)) {
-    advert.descriptor.clear();
-  } else {
-    questions_.corners_told_ns = advert.stamp_ns;
-  }
-  return advert;
-}
-
-std::optional<PlaceAdvert> Collaborator::repeated_question() {
-  constexpr double kLongest_s = 60;
-  if (!asked_ || asked_->answered || config_.repeat_question_s == 0) return std::nullopt;
-  const double patience_s =
-      std::min(std::ldexp(config_.repeat_question_s, asked_->repeats), kLongest_s);
-  if (seconds_between(asked_->asked_ns, now_ns_) < patience_s) return std::nullopt;
-  asked_->asked_ns = now_ns_;
-  ++asked_->repeats;
-  questions_.corners_told_ns = now_ns_;
-  // The number of an older keyframe would look like another flight's.
-  return advert_of(*database_.last());
-}
-
 PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePyramid& image,
                                     const Eigen::Isometry3d& T_world_cam,
                                     const Matrix6d& covariance,
@@ -243,6 +100,37 @@ PlaceAdvert Collaborator::add_frame(const TrackedFrame& described, const ImagePy
   recent_frames_.push_back(make_keyframe(described, image, T_world_cam, covariance, depths));
   if (recent_frames_.size() > config_.recent_frames) recent_frames_.pop_front();
   return advert_of(recent_frames_.back());
+}
+
+Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
+                                     const Eigen::Isometry3d& T_world_cam,
+                                     const Matrix6d& covariance,
+                                     const std::vector<TrackDepth>& depths) {
+  if (next_keyframe_id_ == 1) matcher_.note_start(T_world_cam.translation());
+  Keyframe keyframe;
+  keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
+  keyframe.before = measured_since(database_.keyframes(), keyframe.pose, config_.depth_memory_s);
+  keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
+                            .value_or(config_.keyframe.fallback_depth);
+  std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
+  for (const TrackDepth& depth : depths) depth_of[depth.track_id] = &depth;
+  if (!image.levels.empty()) matcher_.keep_image(keyframe.pose.keyframe_id, image);
+  for (const TrackedFeature& feature : described.features) {
+    if (!feature.described) continue;
+    KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0, {}};
+    if (!image.levels.empty()) {
+      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing, patch_spacing_)
+                         .value_or(LandmarkPatch{});
+    }
+    if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
+      stored.inverse_depth = known->second->inverse_depth;
+      stored.inverse_depth_sigma = known->second->inverse_depth_sigma;
+    }
+    keyframe.features.push_back(stored);
+  }
+  keyframe.place =
+      describe_place(vocabulary_, config_.place_mode, descriptors_of(keyframe.features));
+  return keyframe;
 }
 
 const Keyframe* Collaborator::newest_image() const {
@@ -257,6 +145,26 @@ const Keyframe* Collaborator::find_image(std::uint64_t keyframe_id) const {
       std::find_if(recent_frames_.begin(), recent_frames_.end(),
                    [&](const Keyframe& recent) { return recent.pose.keyframe_id == keyframe_id; });
   return frame == recent_frames_.end() ? database_.find(keyframe_id) : &*frame;
+}
+
+PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
+  CameraView view = view_of(keyframe);
+  view.sigma = view_sigma(keyframe);
+  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_, view,
+          keyframe.place};
+}
+
+bool Collaborator::wants_to_ask() { return questions_.asks_about(*database_.last(), now_ns_); }
+
+PlaceAdvert Collaborator::question(PlaceAdvert advert) {
+  if (questions_.next_is_brief(advert.stamp_ns, now_ns_)) advert.descriptor.clear();
+  return advert;
+}
+
+std::optional<PlaceAdvert> Collaborator::repeated_question() {
+  if (!questions_.repeats(now_ns_)) return std::nullopt;
+  // The number of an older keyframe would look like another flight's.
+  return advert_of(*database_.last());
 }
 
 std::optional<PeerKeyframe> Collaborator::announcement() const {
@@ -291,132 +199,15 @@ PeerKeyframe Collaborator::told(const Keyframe& keyframe,
   return message;
 }
 
-PlaceAdvert Collaborator::advert_of(const Keyframe& keyframe) const {
-  CameraView view = view_of(keyframe);
-  view.sigma = view_sigma(keyframe);
-  return {config_.agent, keyframe.pose.keyframe_id, keyframe.pose.stamp_ns, vocabulary_hash_, view,
-          keyframe.place};
-}
-
-Keyframe Collaborator::make_keyframe(const TrackedFrame& described, const ImagePyramid& image,
-                                     const Eigen::Isometry3d& T_world_cam,
-                                     const Matrix6d& covariance,
-                                     const std::vector<TrackDepth>& depths) {
-  if (next_keyframe_id_ == 1) matcher_.note_start(T_world_cam.translation());
-  Keyframe keyframe;
-  keyframe.pose = {next_keyframe_id_++, described.stamp_ns, T_world_cam, covariance};
-  keyframe.before = measured_since(database_.keyframes(), keyframe.pose, config_.depth_memory_s);
-  keyframe.mean_depth = mean_depth(depths, config_.keyframe.max_relative_sigma)
-                            .value_or(config_.keyframe.fallback_depth);
-  std::unordered_map<std::uint64_t, const TrackDepth*> depth_of;
-  for (const TrackDepth& depth : depths) depth_of[depth.track_id] = &depth;
-  if (!image.levels.empty()) matcher_.keep_image(keyframe.pose.keyframe_id, image);
-  for (const TrackedFeature& feature : described.features) {
-    if (!feature.described) continue;
-    KeyframeFeature stored{feature.track_id, feature.bearing, feature.descriptor, 0, 0, {}};
-    if (!image.levels.empty()) {
-      stored.patch = cut_landmark_patch(image.levels[0], camera_, feature.bearing, patch_spacing_)
-                         .value_or(LandmarkPatch{});
-    }
-    if (const auto known = depth_of.find(feature.track_id); known != depth_of.end()) {
-      stored.inverse_depth = known->second->inverse_depth;
-      stored.inverse_depth_sigma = known->second->inverse_depth_sigma;
-    }
-    keyframe.features.push_back(stored);
-  }
-  keyframe.place =
-      describe_place(vocabulary_, config_.place_mode, descriptors_of(keyframe.features));
-  return keyframe;
-}
-
-std::vector<KeyframeMatch> Collaborator::revisit() {
-  std::vector<KeyframeMatch> matches;
-  const Keyframe* newest = database_.last();
-  if (newest == nullptr) return matches;
-  const CameraView view = view_of(*newest);
-  struct Candidate {
-    const Keyframe* own = nullptr;
-    const PeerKeyframe* peer = nullptr;
-  };
-  NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
-                                               config_.max_revisits);
-  for (const Keyframe& old : database_.keyframes()) {
-    if (&old == newest) break;
-    if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
-    nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
-  }
-  for (const auto& [peer, peer_view] : remembered_) {
-    nearest.consider(peer.sender, view_difference(peer_view, view), {nullptr, &peer});
-  }
-  const auto left_behind = [&](const Keyframe& old) {
-    const auto landmarks = landmarks_of(old, config_.matching.max_relative_sigma);
-    return as_seen(old, lost_since(landmarks, *newest));
-  };
-  for (const Candidate& candidate : nearest.take()) {
-    std::optional<KeyframeMatch> match = candidate.peer
-                                             ? recognise(*newest, *candidate.peer)
-                                             : recognise(*newest, left_behind(*candidate.own));
-    if (match) matches.push_back(std::move(*match));
-  }
-  return matches;
-}
-
-std::optional<KeyframeMatch> Collaborator::recognise(const Keyframe& newest,
-                                                     const PeerKeyframe& old) {
-  auto result = compare(newest, old);
-  auto* match = std::get_if<KeyframeMatch>(&result);
-  if (match == nullptr) return std::nullopt;
-  learn_tolerance(old, *match);
-  ++report_.revisits;
-  return std::move(*match);
-}
-
-void Collaborator::forget(const std::string& peer) {
-  remembered_.erase(
-      std::remove_if(remembered_.begin(), remembered_.end(),
-                     [&](const Remembered& seen) { return seen.keyframe.sender == peer; }),
-      remembered_.end());
-}
-
-void Collaborator::remember(const PeerKeyframe& message, const Eigen::Isometry3d& T_world_cam) {
-  bool known = false, starts_anew = false;
-  for (const Remembered& seen : remembered_) {
-    if (seen.keyframe.sender != message.sender) continue;
-    known |= seen.keyframe.pose.keyframe_id == message.pose.keyframe_id;
-    starts_anew |= !are_of_one_flight(seen.keyframe.pose, message.pose);
-  }
-  if (starts_anew) {
-    forget(message.sender);
-  } else if (known) {
-    return;
-  }
-  const std::vector<PeerLandmark>& landmarks = message.landmarks;
-  double depths = 0;
-  for (const PeerLandmark& landmark : landmarks) depths += 1 / landmark.inverse_depth;
-  const CameraView view{T_world_cam, depths / static_cast<double>(landmarks.size())};
-  if (config_.remembered == 0) return;
-  if (remembered_.size() >= config_.remembered) remembered_.pop_front();
-  remembered_.push_back({message, view});
-}
-
-// What is not found yet may be, when this drone has come nearer.
-void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason reason) {
-  const std::optional<Eigen::Isometry3d> world = matcher_.likely_world_of(message.sender);
-  const bool looked_for =
-      reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers;
-  if (!world || !looked_for || message.landmarks.empty()) return;
-  remember(message, *world * message.pose.T_world_cam);
-}
-
 std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   ++report_.adverts_received;
   if (const Counter counter = mistake_in(advert)) {
     ++(report_.*counter);
     return std::nullopt;
   }
-  if (has_started_anew(advert)) forget(advert.sender);
+  if (has_started_anew(advert)) peer_memory_.forget(advert.sender);
   matcher_.note_keyframe(advert.sender, advert.keyframe_id);
-  note_stranger(advert.sender);
+  if (!matcher_.world_of(advert.sender)) questions_.note_stranger(advert.sender, now_ns_);
   const std::optional<CameraView> asked_from = view_of_asker(advert);
   if (const Counter counter = refusal(advert, asked_from)) {
     ++(report_.*counter);
@@ -441,42 +232,6 @@ std::optional<PeerKeyframe> Collaborator::answer(const PlaceAdvert& advert) {
   return answer;
 }
 
-std::vector<const Keyframe*> Collaborator::not_just_sent_to(const std::string& peer) const {
-  std::vector<const Keyframe*> keyframes;
-  for (const Keyframe& keyframe : database_.keyframes()) {
-    if (!limiter_.has_just_sent(peer, keyframe.pose.keyframe_id, now_ns_)) {
-      keyframes.push_back(&keyframe);
-    }
-  }
-  return keyframes;
-}
-
-void Collaborator::note_stranger(const std::string& sender) {
-  forget_strangers_that_left();
-  if (matcher_.world_of(sender)) return;
-  if (strangers_.size() < config_.limiter.max_peers || strangers_.count(sender) > 0) {
-    strangers_[sender] = now_ns_;
-  }
-}
-
-void Collaborator::forget_strangers_that_left() {
-  constexpr double kGone_s = 10;  // without a question
-  for (auto stranger = strangers_.begin(); stranger != strangers_.end();) {
-    const bool gone = seconds_between(stranger->second, now_ns_) > kGone_s;
-    stranger = gone ? strangers_.erase(stranger) : std::next(stranger);
-  }
-}
-
-const Keyframe* Collaborator::hear_found(const PeerKeyframe& message) {
-  if (!message.found || message.receiver != config_.agent || !is_well_formed(message)) {
-    return nullptr;
-  }
-  const std::uint64_t keyframe_id = message.found->keyframe_id;
-  if (!limiter_.has_sent(message.sender, keyframe_id)) return nullptr;
-  limiter_.found(message.sender);
-  return database_.find(keyframe_id);
-}
-
 bool Collaborator::has_started_anew(const PlaceAdvert& advert) const {
   return !mistake_in(advert) && matcher_.has_started_anew(advert.sender, advert.keyframe_id);
 }
@@ -491,37 +246,6 @@ Collaborator::Counter Collaborator::mistake_in(const PlaceAdvert& advert) const 
     return &Report::advert_malformed;
   }
   return nullptr;
-}
-
-Collaborator::Counter Collaborator::refusal(const PlaceAdvert& advert,
-                                            const std::optional<CameraView>& asked_from) const {
-  if (is_brief(advert) && (!asked_from || !is_sure(*asked_from, tolerance_))) {
-    return &CollaboratorReport::advert_unknown_asker;
-  }
-  return limiter_.allows(advert.sender, now_ns_) ? nullptr : &CollaboratorReport::advert_too_soon;
-}
-
-// At these angles, rad.
-std::vector<double> Collaborator::looked_for(const PeerKeyframe& other,
-                                             const KeyframeMatch& match) const {
-  std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.matching.max_relative_sigma);
-  const auto without_patch = std::remove_if(
-      landmarks.begin(), landmarks.end(),
-      [](const PeerLandmark& landmark) { return landmark.patch == LandmarkPatch{}; });
-  landmarks.erase(without_patch, landmarks.end());
-  return viewing_angles(positions_of(landmarks), match.T_other_own, camera_);
-}
-
-// From where it is sure what is looked at.
-void Collaborator::learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match) {
-  if (match.aligned.empty() || !matcher_.world_of(other.sender)) return;
-  tolerance_.learn(looked_for(other, match), match.aligned.size());
-}
-
-bool Collaborator::may_be_another_place(const PeerKeyframe& other,
-                                        const KeyframeMatch& match) const {
-  const double finds = tolerance_.expected_finds(looked_for(other, match));
-  return static_cast<double>(match.aligned.size()) < config_.least_found_share * finds;
 }
 
 // In the own world, as far as it is known where the asker's lies. Its sigma is that of both drones'
@@ -539,8 +263,32 @@ std::optional<CameraView> Collaborator::view_of_asker(const PlaceAdvert& advert)
   return view;
 }
 
-void Collaborator::note_answer(const PeerKeyframe& message) {
-  if (asked_ && message.request_keyframe_id >= asked_->pose.keyframe_id) asked_->answered = true;
+Collaborator::Counter Collaborator::refusal(const PlaceAdvert& advert,
+                                            const std::optional<CameraView>& asked_from) const {
+  if (is_brief(advert) && (!asked_from || !is_sure(*asked_from, tolerance_))) {
+    return &CollaboratorReport::advert_unknown_asker;
+  }
+  return limiter_.allows(advert.sender, now_ns_) ? nullptr : &CollaboratorReport::advert_too_soon;
+}
+
+std::vector<const Keyframe*> Collaborator::not_just_sent_to(const std::string& peer) const {
+  std::vector<const Keyframe*> keyframes;
+  for (const Keyframe& keyframe : database_.keyframes()) {
+    if (!limiter_.has_just_sent(peer, keyframe.pose.keyframe_id, now_ns_)) {
+      keyframes.push_back(&keyframe);
+    }
+  }
+  return keyframes;
+}
+
+const Keyframe* Collaborator::hear_found(const PeerKeyframe& message) {
+  if (!message.found || message.receiver != config_.agent || !is_well_formed(message)) {
+    return nullptr;
+  }
+  const std::uint64_t keyframe_id = message.found->keyframe_id;
+  if (!limiter_.has_sent(message.sender, keyframe_id)) return nullptr;
+  limiter_.found(message.sender);
+  return database_.find(keyframe_id);
 }
 
 std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& message) {
@@ -549,16 +297,16 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::match(const PeerKeyframe& mes
   if (const auto* none = std::get_if<NoMatch>(&result)) {
     ++report_.no_match[static_cast<std::size_t>(none->reason)];
     if (was_compared(none->reason)) {
-      note_answer(message);
-      if (!message.described) questions_.corners_told_ns.reset();
+      questions_.note_answer(message.request_keyframe_id);
+      if (!message.described) questions_.want_corners();
     }
     remember_for_later(message, none->reason);
   } else {
     const auto& match = std::get<KeyframeMatch>(result);
-    note_answer(message);
-    remember(message, match.own.T_world_cam * match.T_other_own.inverse());
+    questions_.note_answer(message.request_keyframe_id);
+    peer_memory_.remember(message, match.own.T_world_cam * match.T_other_own.inverse());
     learn_tolerance(message, match);
-    questions_.found_ns = now_ns_;
+    questions_.note_match(now_ns_);
     ++report_.matched;
     report_.landmark_pairs += static_cast<int>(match.matches.size());
   }
@@ -585,6 +333,79 @@ std::variant<KeyframeMatch, NoMatch> Collaborator::compare(const Keyframe& own,
     return NoMatch{NoMatchReason::kTooFewFound};
   }
   return result;
+}
+
+// At these angles, rad.
+std::vector<double> Collaborator::looked_for(const PeerKeyframe& other,
+                                             const KeyframeMatch& match) const {
+  std::vector<PeerLandmark> landmarks = landmarks_of(other, config_.matching.max_relative_sigma);
+  const auto without_patch = std::remove_if(
+      landmarks.begin(), landmarks.end(),
+      [](const PeerLandmark& landmark) { return landmark.patch == LandmarkPatch{}; });
+  landmarks.erase(without_patch, landmarks.end());
+  return viewing_angles(positions_of(landmarks), match.T_other_own, camera_);
+}
+
+bool Collaborator::may_be_another_place(const PeerKeyframe& other,
+                                        const KeyframeMatch& match) const {
+  const double finds = tolerance_.expected_finds(looked_for(other, match));
+  return static_cast<double>(match.aligned.size()) < config_.least_found_share * finds;
+}
+
+// From where it is sure what is looked at.
+void Collaborator::learn_tolerance(const PeerKeyframe& other, const KeyframeMatch& match) {
+  if (match.aligned.empty() || !matcher_.world_of(other.sender)) return;
+  tolerance_.learn(looked_for(other, match), match.aligned.size());
+}
+
+// What is not found yet may be, when this drone has come nearer.
+void Collaborator::remember_for_later(const PeerKeyframe& message, NoMatchReason reason) {
+  const std::optional<Eigen::Isometry3d> world = matcher_.likely_world_of(message.sender);
+  const bool looked_for =
+      reason == NoMatchReason::kTooFewMatches || reason == NoMatchReason::kTooFewInliers;
+  if (!world || !looked_for || message.landmarks.empty()) return;
+  peer_memory_.remember(message, *world * message.pose.T_world_cam);
+}
+
+std::vector<KeyframeMatch> Collaborator::revisit() {
+  std::vector<KeyframeMatch> matches;
+  const Keyframe* newest = database_.last();
+  if (newest == nullptr) return matches;
+  const CameraView view = view_of(*newest);
+  struct Candidate {
+    const Keyframe* own = nullptr;
+    const PeerKeyframe* peer = nullptr;
+  };
+  NearestViews<std::string, Candidate> nearest(config_.revisit_max_difference,
+                                               config_.max_revisits);
+  for (const Keyframe& old : database_.keyframes()) {
+    if (&old == newest) break;
+    if (seconds_between(old.pose.stamp_ns, newest->pose.stamp_ns) < config_.loop_min_age_s) break;
+    nearest.consider(config_.agent, view_difference(view_of(old), view), {&old, nullptr});
+  }
+  for (const auto& [peer, peer_view] : peer_memory_.entries()) {
+    nearest.consider(peer.sender, view_difference(peer_view, view), {nullptr, &peer});
+  }
+  const auto left_behind = [&](const Keyframe& old) {
+    const auto landmarks = landmarks_of(old, config_.matching.max_relative_sigma);
+    return as_seen(old, lost_since(landmarks, *newest));
+  };
+  for (const Candidate& candidate : nearest.take()) {
+    std::optional<KeyframeMatch> match = candidate.peer
+                                             ? recognise(*newest, *candidate.peer)
+                                             : recognise(*newest, left_behind(*candidate.own));
+    if (match) matches.push_back(std::move(*match));
+  }
+  return matches;
+}
+
+std::optional<KeyframeMatch> Collaborator::recognise(const Keyframe& newest,
+                                                     const PeerKeyframe& old) {
+  auto result = compare(newest, old);
+  auto* match = std::get_if<KeyframeMatch>(&result);
+  if (match == nullptr) return std::nullopt;
+  learn_tolerance(old, *match);
+  return std::move(*match);
 }
 
 }  // namespace covey

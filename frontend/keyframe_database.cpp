@@ -59,22 +59,6 @@ bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stam
          angle_between(last.T_world_cam, T_world_cam) > rule.rotation;
 }
 
-bool is_worth_asking(const KeyframeRule& rule, const std::optional<KeyframePose>& last_asked,
-                     const KeyframePose& newest, double mean_depth) {
-  return !last_asked ||
-         is_keyframe(rule, *last_asked, newest.stamp_ns, newest.T_world_cam, mean_depth);
-}
-
-bool may_ask_briefly(double corners_interval_s, const QuestionsSoFar& so_far, TimeNs stamp_ns) {
-  constexpr double kLonger = 4;
-  const auto since_s = [&](const std::optional<TimeNs>& then_ns) {
-    return then_ns ? seconds_between(*then_ns, stamp_ns) : std::numeric_limits<double>::infinity();
-  };
-  const double told_s = since_s(so_far.corners_told_ns);
-  return told_s < corners_interval_s ||
-         (since_s(so_far.found_ns) < corners_interval_s && told_s < kLonger * corners_interval_s);
-}
-
 KeyframeDatabase::KeyframeDatabase(const Config& config) : config_(config) {
   if (config.capacity < config.protected_newest + 2) {
     throw std::runtime_error(

@@ -52,20 +52,6 @@ struct Keyframe {
 [[nodiscard]] bool is_keyframe(const KeyframeRule& rule, const KeyframePose& last, TimeNs stamp_ns,
                                const Eigen::Isometry3d& T_world_cam, double mean_depth);
 
-// Shall the newest keyframe be asked about, or has one from nearly there been?
-[[nodiscard]] bool is_worth_asking(const KeyframeRule& rule,
-                                   const std::optional<KeyframePose>& last_asked,
-                                   const KeyframePose& newest, double mean_depth);
-
-// Stamps of the own image when a question last carried corners, and when an answer last matched.
-struct QuestionsSoFar {
-  std::optional<TimeNs> corners_told_ns, found_ns;
-};
-// May a question go without the place's corners? Not `corners_interval_s` after the last that
-// carried them; where brief ones bring what they should, four times as long after.
-[[nodiscard]] bool may_ask_briefly(double corners_interval_s, const QuestionsSoFar& so_far,
-                                   TimeNs stamp_ns);
-
 // Its sigma is left 0: comparing views needs none.
 [[nodiscard]] CameraView view_of(const Keyframe& keyframe);
 
