@@ -414,11 +414,12 @@ void visit_fusion(FusionConfig& fusion, ConfigVisitor& v) {
   v.count("max_keyframes", fusion.drift.max_keyframes, {4, 1000}, "whose drift is estimated");
   v.number("gate_confidence", fusion.drift.gate_confidence, {0.5, 0.999999},
            "share of good relative poses that pass the chi-square gate");
-  v.number("least_claim", fusion.drift.least_claim, {0, 1},
+  v.number("least_claim", fusion.drift.claims.least_claim, {0, 1},
            "of the own drift's variance; a peer that claims less is not believed");
-  v.number("found_position_sigma_m", fusion.drift.found_position_sigma_m, {0, 1},
+  v.number("found_position_sigma_m", fusion.drift.claims.found_position_sigma_m, {0, 1},
            "[m] added to what a peer says to have found of own landmarks");
-  v.angle("found_angle_sigma_deg", fusion.drift.found_angle_sigma, {0, 10}, "[deg] the same");
+  v.angle("found_angle_sigma_deg", fusion.drift.claims.found_angle_sigma, {0, 10},
+          "[deg] the same");
   v.flag("common_start", fusion.drift.common_start,
          "all drones start in one world; otherwise peers' worlds are aligned first");
   v.option("starts", fusion.starts, {"auto", "exact", "measured"},

@@ -5,15 +5,10 @@
 // learns of it: so every drone's odometry stays independent of all others', and what a peer says
 // counts once, however often it is heard.
 //
-// State: the pose errors e = [dp dtheta] (world axes, R = Exp(dtheta) R^) of keyframes, each as its
-// drone's odometry had it. Along one drone errors grow as odometry says:
-//   e_b = F_ab e_a + w,   F_ab = [I  -[p_b - p_a]x zz^T; 0  I],   cov(w) = P_b - F_ab P_a F_ab^T,
-// (yaw turns what comes after it; tilt is kept by gravity and does not) as far as it becomes less
-// certain; what it becomes surer of: drift_step. A keyframe is put into its
-// drone's chain when it is first needed, between those that are there (Brownian bridge). Two
-// keyframes that see the same landmarks give e_own - e_other, of two drones or of one that returns,
-// whichever of the two has found the other's; and where both have measured their depths, by how
-// much more the one's odometry is wrong over the way on which it did than the other's.
+// State: the pose errors e of keyframes, of all drones (DriftState). Two keyframes that see the
+// same landmarks give e_own - e_other, of two drones or of one that returns, whichever of the two
+// has found the other's; and where both have measured their depths, by how much more the one's
+// odometry is wrong over the way on which it did than the other's.
 #pragma once
 
 #include <cstddef>
@@ -24,7 +19,9 @@
 #include <vector>
 
 #include "estimator/drift_observation.h"
+#include "estimator/drift_state.h"
 #include "estimator/measurements.h"
+#include "estimator/peer_claims.h"
 #include "estimator/relative_pose.h"
 #include "estimator/world_vote.h"
 
@@ -33,14 +30,7 @@ namespace covey {
 struct DriftConfig {
   int max_keyframes = 100;         // in the state
   double gate_confidence = 0.999;  // share of good relative poses that pass the chi-square gate
-  // A peer's claim to drift less than this share of the own odometry over the same time is not
-  // believed (variances), nor one to have found a keyframe that much more exactly than the own
-  // drone usually does.
-  double least_claim = 0.5;
-  // What a peer says to have found of the own landmarks is not verified here: it counts as at least
-  // that uncertain (standard deviations, added).
-  double found_position_sigma_m = 0.001;  // m
-  double found_angle_sigma = 1e-4;        // rad
+  PeerClaimsConfig claims;
   // Relative poses to the landmarks of one keyframe are wrong alike, the less the longer ago the
   // other one saw them: exp(-time / same_landmarks_s). To landmarks of different keyframes of one
   // drone they are wrong alike by this share of it, and not at all where the one drone has found
@@ -105,19 +95,11 @@ class DriftFilter {
   // How often a peer's world was found to lie elsewhere than was believed.
   [[nodiscard]] int moves(const std::string& peer) const;
   [[nodiscard]] std::vector<std::string> peers() const;  // that were ever heard
-  [[nodiscard]] int keyframes() const { return static_cast<int>(nodes_.size()); }
+  [[nodiscard]] int keyframes() const { return state_.keyframes(); }
   // Of the pose errors of all keyframes in the state, [dp dtheta] each.
-  [[nodiscard]] Eigen::MatrixXd covariance() const { return P_.topLeftCorner(size(), size()); }
+  [[nodiscard]] Eigen::MatrixXd covariance() const { return state_.covariance(); }
 
  private:
-  struct Node {
-    std::size_t drone = 0;  // 0: own
-    std::uint64_t keyframe_id = 0;
-    TimeNs stamp_ns = 0;
-    Eigen::Vector3d p = Eigen::Vector3d::Zero();  // nominal, in the own world
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    Matrix6d covariance = Matrix6d::Zero();  // of the drone's odometry alone, in the own world
-  };
   // A peer's world in the own one: nominal, error part of the peer's nodes.
   struct World {
     bool known = false;
@@ -140,25 +122,6 @@ class DriftFilter {
     std::deque<UsedPose> used;  // the newest
     int moves = 0;              // of the world, since it was known first
   };
-  // Indices of nodes; -1: none.
-  struct Neighbours {
-    int earlier = -1, later = -1;
-  };
-  // How sure the relative poses are that the own drone finds: means of the variances' logarithms.
-  struct UsualFound {
-    int count = 0;
-    double log_position = 0, log_angle = 0;  // m2 and rad2, sums over the three axes
-  };
-  struct Saved {
-    std::vector<Node> nodes;
-    Eigen::VectorXd x;
-    Eigen::MatrixXd P;
-  };
-  struct OwnDrift {
-    TimeNs stamp_ns = 0;
-    double position = 0, yaw = 0;  // variances, m2 and rad2
-  };
-
   [[nodiscard]] Drone newcomer(const std::string& name) const;
   [[nodiscard]] std::vector<int> nodes_of(const std::string& peer) const;  // rising stamps
   [[nodiscard]] WorldAlignment alignment_by(int index) const;
@@ -166,23 +129,7 @@ class DriftFilter {
   // A keyframe of a later flight than what is known of the drone ends that: all of it is forgotten.
   // False if the keyframe is itself of an earlier one.
   [[nodiscard]] bool is_of_present_flight(std::size_t drone, const KeyframePose& keyframe);
-  [[nodiscard]] Eigen::Index size() const;  // of the errors of all nodes
-  [[nodiscard]] const Node& node(int index) const {
-    return nodes_[static_cast<std::size_t>(index)];
-  }
-  [[nodiscard]] Matrix6d believable(const KeyframePose& peer) const;
-  [[nodiscard]] RelativePose believable(RelativePose measurement) const;
-  void learn_usual(const RelativePose& found);
-  [[nodiscard]] Node to_node(std::size_t drone, const KeyframePose& pose) const;
-  [[nodiscard]] Neighbours neighbours(std::size_t drone, TimeNs stamp_ns) const;
-  [[nodiscard]] int find_or_insert(const Node& node);
-  void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
-              const Matrix6d& A_later, const Matrix6d& Q);
-  void reserve(Eigen::Index size);
-  void save();
-  void restore();
-  void make_room();
-  void forget(int index);
+  [[nodiscard]] DriftState::Node to_node(std::size_t drone, const KeyframePose& pose) const;
   [[nodiscard]] static UsedPose to_used(const RelativePose& measurement);
   // By how much more uncertain a relative pose is because it is not the first of its kind.
   [[nodiscard]] double repetition(const Drone& drone, const UsedPose& pose) const;
@@ -190,7 +137,8 @@ class DriftFilter {
   [[nodiscard]] bool said_enough(const Drone& drone, const UsedPose& pose) const;
   void count_used(Drone& drone, const UsedPose& pose);
   // Of the share by which depths measured on a way are wrong otherwise than the way itself.
-  [[nodiscard]] static double unshared_scale_variance(const Node& from, const Node& to);
+  [[nodiscard]] static double unshared_scale_variance(const DriftState::Node& from,
+                                                      const DriftState::Node& to);
   // A keyframe of a relative pose in the state, and the one since which its drone measured depths.
   struct Side {
     int at = 0, before = 0;  // nodes; the same where depths do not matter
@@ -216,14 +164,9 @@ class DriftFilter {
   DriftConfig config_;
   double gate_limit_, gate_limit_with_ratio_;
   std::vector<Drone> drones_;  // first the own one
-  std::vector<Node> nodes_;
-  // 6 per node; with room behind them, so that nodes that come and go move no others.
-  Eigen::VectorXd x_;
-  Eigen::MatrixXd P_;
-  Saved saved_;                       // the state before the newest relative pose; as large as that
-  std::deque<OwnDrift> own_history_;  // rising stamps
-  Eigen::Vector3d p_own_start_ = Eigen::Vector3d::Zero();
-  UsualFound usual_found_;
+  DriftState state_;
+  PeerClaims claims_;
+  std::optional<Eigen::Vector3d> p_own_start_;
 };
 
 }  // namespace covey

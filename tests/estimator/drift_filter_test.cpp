@@ -231,7 +231,7 @@ TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
         .trace();
   };
   DriftConfig credulous;
-  credulous.found_position_sigma_m = credulous.found_angle_sigma = 0;
+  credulous.claims.found_position_sigma_m = credulous.claims.found_angle_sigma = 0;
   EXPECT_GT(position_variance({}), position_variance(credulous) + 1e-7);
 }
 
@@ -239,7 +239,7 @@ TEST(DriftFilter, WhatAPeerSaysToHaveFoundExactlyIsNotBelievedToBe) {
 TEST(DriftFilter, NobodyIsBelievedToFindPlacesMuchBetterThanTheOwnDroneDoes) {
   const Walk own = walk(1, 20, {0, 0, 0}), other = walk(2, 20, {-3, 0, 0});
   DriftConfig config;
-  config.found_position_sigma_m = config.found_angle_sigma = 0;
+  config.claims.found_position_sigma_m = config.claims.found_angle_sigma = 0;
   const auto position_variance = [&](double claimed_share) {
     DriftFilter filter(config, "uav0");
     EXPECT_EQ(filter.add(relative(own, 8, other, 8, 3)), DriftOutcome::kUsed);
@@ -251,7 +251,7 @@ TEST(DriftFilter, NobodyIsBelievedToFindPlacesMuchBetterThanTheOwnDroneDoes) {
         .pose_covariance.topLeftCorner<3, 3>()
         .trace();
   };
-  const double believed = position_variance(config.least_claim);
+  const double believed = position_variance(config.claims.least_claim);
   EXPECT_NEAR(position_variance(1e-2), believed, 1e-3 * believed);
   EXPECT_NEAR(position_variance(1e-5), believed, 1e-3 * believed);
   EXPECT_GT(position_variance(2), 1.01 * believed);
