@@ -18,10 +18,11 @@
 
 #include "estimator/measurements.h"
 #include "frontend/camera.h"
+#include "frontend/feature_matching.h"
+#include "frontend/geometric_verification.h"
 #include "frontend/image_pyramid.h"
 #include "frontend/keyframe_database.h"
 #include "frontend/landmark_patch.h"
-#include "frontend/matching.h"
 #include "frontend/place_recognition.h"
 
 namespace covey {
