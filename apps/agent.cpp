@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/agent.h"
 
-#include <spdlog/fmt/fmt.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "apps/flight_findings.h"
 #include "apps/grey_image.h"
 #include "apps/json_file.h"
+#include "apps/link_figures.h"
 #include "apps/link_process.h"
 #include "apps/stop_signal.h"
 #include "comms/checks.h"
@@ -69,15 +69,6 @@ std::unique_ptr<Link> open_link(const AgentConfig& config) {
   return std::make_unique<LinkProcess>(config);
 }
 
-std::map<std::string, ClockSummary> clock_summaries(const LinkStatistics& statistics) {
-  std::map<std::string, ClockSummary> clocks;
-  for (const auto& [peer, clock] : statistics.clocks) {
-    clocks[peer] = {1e-6 * static_cast<double>(clock.offset_ns),
-                    1e-6 * static_cast<double>(clock.round_trip_ns)};
-  }
-  return clocks;
-}
-
 // When it was sent, as far as the message tells: handling must not depend on who was quicker.
 std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
   return std::visit(
@@ -96,8 +87,6 @@ std::pair<TimeNs, std::string> order_of(const Inbound& inbound) {
       inbound);
 }
 
-std::int64_t signed_count(std::uint64_t count) { return static_cast<std::int64_t>(count); }
-
 const AgentConfig& checked(const AgentConfig& config) {
   require_possible(config);
   if (config.agent.out.empty()) throw std::runtime_error("agent.out says no folder");
@@ -110,19 +99,6 @@ bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& st
   constexpr double kInterval_s = 5;  // nobody on board waits for it
   return !told || told->status != status.status ||
          seconds_between(told->stamp_ns, status.stamp_ns) >= kInterval_s;
-}
-
-std::string words_on_peers(const std::set<std::string>& there, std::size_t expected,
-                           const LinkStatistics& statistics) {
-  std::vector<std::string> rejected;
-  for (const auto& [peer, reasons] : statistics.rejected) {
-    for (const auto& [reason, count] : reasons) {
-      rejected.push_back(fmt::format("{} ({}, {} times)", peer, reason, count));
-    }
-  }
-  return fmt::format("{} of {} peers found{}{}{}{}", there.size(), expected,
-                     there.empty() ? "" : ": ", fmt::join(there, ", "),
-                     rejected.empty() ? "" : "; rejected: ", fmt::join(rejected, ", "));
 }
 
 Agent::Agent(const AgentConfig& config)
@@ -173,13 +149,10 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
   const double start_ms = thread_cpu_ms();
   add_imu_for(stamp_ns, dataset_.imu, next_imu_, pipeline_);
   ImageResult result = pipeline_.add_image(stamp_ns, pixels);
-  ++frames_;
   if (!first_ns_) first_ns_ = stamp_ns;
   last_ns_ = stamp_ns;
-  track_sightings_ += result.timing.tracks;
-  tracks_begun_ += result.tracks_begun;
-  count(result.update);
-  count(stamp_ns, result.content);
+  counts_.add(result);
+  warnings_.of_image(result, pipeline_.started());
   publish(result);
   write(result, read_ms, read_ms + thread_cpu_ms() - start_ms);
   picture(result, pixels);
@@ -192,44 +165,6 @@ void Agent::fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms) {
 double Agent::cpu_s() const {
   if (!link_) return process_cpu_s();
   return process_cpu_s() + 1e-3 * static_cast<double>(link_->statistics().process_cpu_ms);
-}
-
-void Agent::count(const UpdateReport& update) {
-  filter_.msckf_used += update.msckf_used;
-  filter_.msckf_gated += update.msckf_gated;
-  filter_.slam_used += update.slam_used;
-  filter_.slam_gated += update.slam_gated;
-  filter_.slam_initialized += update.slam_initialized;
-  filter_.imu_gaps += update.imu_gaps;
-  filter_.imu_rejected += update.imu_rejected;
-  filter_.out_of_order += update.out_of_order;
-  filter_.images_refused += update.images_refused;
-  filter_.failed_updates += update.failed_updates;
-  zero_velocity_images_ += update.zero_velocity ? 1 : 0;
-  if (!update.reinitialized) return;
-  ++reinitialized_;
-  spdlog::warn("lost at image {} ns; starting anew", last_ns_);
-}
-
-// An image that is merely given twice is counted, but nothing to speak of.
-void Agent::count(TimeNs stamp_ns, ImageContent content) {
-  if (content == ImageContent::kScene) {
-    if (blind_) {
-      spdlog::info("the camera sees again after {:.2f} s",
-                   seconds_between(*unseen_since_ns_, stamp_ns));
-    }
-    unseen_since_ns_.reset();
-    blind_ = false;
-    return;
-  }
-  const bool uniform = content == ImageContent::kUniform;
-  ++(uniform ? uniform_images_ : repeated_images_);
-  if (!unseen_since_ns_) unseen_since_ns_ = stamp_ns;
-  if (blind_ || !is_blind(content)) return;
-  blind_ = true;
-  spdlog::warn("image {} ns {}: {} until the camera sees again", stamp_ns,
-               uniform ? "is uniform" : "still shows what those before it did",
-               pipeline_.started() ? "flying on inertial propagation" : "nothing is estimated");
 }
 
 void Agent::tell_predicted() {
@@ -250,7 +185,7 @@ void Agent::tell(const Odometry& odometry, const ImuSample& newest) {
   BodyMotion motion;
   motion.odometry = odometry;
   motion.gyro_imu = newest.gyro_imu - odometry.gyro_bias;
-  motion.restarts = static_cast<std::uint8_t>(reinitialized_);
+  motion.restarts = static_cast<std::uint8_t>(counts_.reinitialized);
   onboard_->publish(motion);
 }
 
@@ -287,23 +222,13 @@ void Agent::show_status() {
 void Agent::write_status() { status_file_.write(status_json(), steady_ms()); }
 
 nlohmann::json Agent::status_json() const {
-  nlohmann::json status = {{"stamp_s", frames_ > 0 ? seconds_between(*first_ns_, last_ns_) : 0.0},
-                           {"frames", frames_},
-                           {"frames_dropped", dropped_},
-                           {"memory_mib", own_memory_mib()}};
+  nlohmann::json status = {
+      {"stamp_s", counts_.frames > 0 ? seconds_between(*first_ns_, last_ns_) : 0.0},
+      {"frames", counts_.frames},
+      {"frames_dropped", counts_.dropped},
+      {"memory_mib", own_memory_mib()}};
   if (!link_) return status;
-  const LinkStatistics statistics = link_->statistics();
-  status["peers"] = link_->peers();
-  status["fused"] = peer_counts_.fused;
-  status["rejected_by_link"] = statistics.rejected;
-  status["dropped_by_load"] = statistics.dropped;
-  status["clocks"] = to_json(clock_summaries(statistics));
-  status["link_restarts"] = statistics.restarts;
-  if (statistics.unseen_port != 0) status["link_unseen_port"] = statistics.unseen_port;
-  if (!statistics.missing_network.empty())
-    status["link_missing_network"] = statistics.missing_network;
-  status["wire_bytes_sent"] = statistics.wire_bytes_sent;
-  status["wire_bytes_received"] = statistics.wire_bytes_received;
+  status.update(link_status_json(link_->peers(), link_->statistics(), peer_counts_));
   return status;
 }
 
@@ -316,7 +241,8 @@ void Agent::write(ImageResult& result, double read_ms, double total_ms) {
   result.timing.read_ms = read_ms;
   result.timing.total_ms = total_ms;
   timing_file_.write(result.timing);
-  if (link_) link_file_.write(link_record(result.timing.stamp_ns));
+  if (link_)
+    link_file_.write(link_record(result.timing.stamp_ns, link_->statistics(), peer_counts_));
   if (result.calibrated && result.content == ImageContent::kScene) {
     thermal_file_->write(
         {result.timing.stamp_ns, result.calibrated->chain_ns, pipeline_.calibration()->map()});
@@ -443,54 +369,10 @@ AdvancedReply Agent::progress() const {
   return reply;
 }
 
-// Those the link's checks refused and those that matched nothing here.
-std::int64_t Agent::rejected_messages(const LinkStatistics& statistics) const {
-  std::int64_t rejected = peer_counts_.rejected;
-  for (const auto& [peer, reasons] : statistics.rejected) {
-    for (const auto& [reason, count] : reasons) rejected += signed_count(count);
-  }
-  return rejected;
-}
-
-LinkRecord Agent::link_record(TimeNs stamp_ns) const {
-  const LinkStatistics statistics = link_->statistics();
-  LinkRecord record;
-  record.stamp_ns = stamp_ns;
-  record.requests_sent = signed_count(statistics.request.sent);
-  record.requests_received = signed_count(statistics.request.received);
-  record.messages_sent = signed_count(statistics.message.sent);
-  record.messages_received = signed_count(statistics.message.received);
-  record.fused = peer_counts_.fused;
-  record.gated = peer_counts_.gated;
-  record.rejected = rejected_messages(statistics);
-  record.payload_bytes_sent =
-      signed_count(statistics.request.payload_bytes_sent + statistics.message.payload_bytes_sent);
-  return record;
-}
-
-LinkSummary Agent::link_summary() const {
-  const LinkStatistics statistics = link_->statistics();
-  LinkSummary link;
-  link.request.sent = signed_count(statistics.request.sent);
-  link.request.received = signed_count(statistics.request.received);
-  link.request.payload_bytes_sent = signed_count(statistics.request.payload_bytes_sent);
-  link.message.sent = signed_count(statistics.message.sent);
-  link.message.received = signed_count(statistics.message.received);
-  link.message.payload_bytes_sent = signed_count(statistics.message.payload_bytes_sent);
-  link.message.fused = peer_counts_.fused;
-  link.message.gated = peer_counts_.gated;
-  link.message.rejected = rejected_messages(statistics);
-  link.wire_bytes_sent = signed_count(statistics.wire_bytes_sent);
-  link.wire_bytes_received = signed_count(statistics.wire_bytes_received);
-  link.clocks = clock_summaries(statistics);
-  link.restarts = {statistics.restarts.begin(), statistics.restarts.end()};
-  return link;
-}
-
 AgentSummary Agent::summary() const {
   AgentSummary summary;
-  summary.frames = frames_;
-  summary.frames_dropped = dropped_;
+  summary.frames = counts_.frames;
+  summary.frames_dropped = counts_.dropped;
   if (pipeline_.start_ns()) {
     summary.initialised_after_s = seconds_between(*first_ns_, *pipeline_.start_ns());
   }
@@ -499,16 +381,16 @@ AgentSummary Agent::summary() const {
   if (link_ && summary.max_rss_mib)
     *summary.max_rss_mib += static_cast<double>(link_->statistics().process_peak_kib) / 1024;
   summary.max_cpu_percent = cpu_load_.max_percent();
-  if (frames_ > 0) {
-    const auto frames = static_cast<double>(frames_);
+  if (counts_.frames > 0) {
+    const auto frames = static_cast<double>(counts_.frames);
     summary.cpu_ms_per_frame = 1e3 * cpu_s() / frames;
-    summary.mean_tracks_per_frame = static_cast<double>(track_sightings_) / frames;
+    summary.mean_tracks_per_frame = static_cast<double>(counts_.track_sightings) / frames;
   }
-  if (tracks_begun_ > 0) {
+  if (counts_.tracks_begun > 0) {
     summary.mean_track_length =
-        static_cast<double>(track_sightings_) / static_cast<double>(tracks_begun_);
+        static_cast<double>(counts_.track_sightings) / static_cast<double>(counts_.tracks_begun);
   }
-  if (link_) summary.link = link_summary();
+  if (link_) summary.link = link_summary(link_->statistics(), peer_counts_);
   summary.lost_lines = lost_lines();
   return summary;
 }
@@ -549,20 +431,7 @@ AgentSummary Agent::finish(const std::optional<std::string>& incomplete) {
   if (pipeline_.team_knowledge() != nullptr) {
     json["peer_worlds"] = peer_worlds_json(*pipeline_.team_knowledge());
   }
-  json["filter"] = {{"msckf_used", filter_.msckf_used},
-                    {"msckf_gated", filter_.msckf_gated},
-                    {"slam_used", filter_.slam_used},
-                    {"slam_gated", filter_.slam_gated},
-                    {"slam_initialized", filter_.slam_initialized},
-                    {"zero_velocity_images", zero_velocity_images_},
-                    {"imu_gaps", filter_.imu_gaps},
-                    {"imu_rejected", filter_.imu_rejected},
-                    {"out_of_order", filter_.out_of_order},
-                    {"images_refused", filter_.images_refused},
-                    {"failed_updates", filter_.failed_updates},
-                    {"reinitialized", reinitialized_},
-                    {"repeated_images", repeated_images_},
-                    {"uniform_images", uniform_images_}};
+  json["filter"] = filter_json(counts_);
   write_json_file(folder_ / kAgentSummaryFile, json);
   return told;
 }

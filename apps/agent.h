@@ -16,6 +16,7 @@
 #include "apps/config_file.h"
 #include "apps/control_channel.h"
 #include "apps/dataset.h"
+#include "apps/flight_counts.h"
 #include "apps/flight_pictures.h"
 #include "apps/flight_warnings.h"
 #include "apps/pipeline.h"
@@ -36,10 +37,6 @@ inline constexpr char kAgentStatusFile[] = "status.json";  // once a second, and
 // Whether a drone tells the others its status again, after what it `told` last: at once when it
 // changes, and now and then. That the drone is there the link says by itself.
 [[nodiscard]] bool is_status_due(const std::optional<AgentStatus>& told, const AgentStatus& status);
-
-// Who of the expected peers is there, and why others were not heard, for people: one line.
-[[nodiscard]] std::string words_on_peers(const std::set<std::string>& there, std::size_t expected,
-                                         const LinkStatistics& statistics);
 
 // The drone itself: what its images and its peers' messages do to it and to its files. One thread.
 class Agent {
@@ -64,7 +61,7 @@ class Agent {
   // Images must come in time order; some may be left out.
   void fly(TimeNs stamp_ns, const cv::Mat& pixels, double read_ms);
   // So far.
-  void set_dropped(std::uint64_t images) { dropped_ = static_cast<std::int64_t>(images); }
+  void set_dropped(std::uint64_t images) { counts_.dropped = static_cast<std::int64_t>(images); }
 
   // Peers. Nothing happens when flown alone.
   [[nodiscard]] bool meet(const std::set<std::string>& peers, std::chrono::milliseconds patience);
@@ -96,8 +93,6 @@ class Agent {
   void handle(const AgentStatus&) {}
   template <typename Peers>
   bool wait_for_peers(const Peers& peers, std::chrono::milliseconds patience);
-  void count(const UpdateReport& update);
-  void count(TimeNs stamp_ns, ImageContent content);
   void publish(const ImageResult& result);
   void publish_status();
   void write_status();
@@ -105,9 +100,6 @@ class Agent {
   void note(ExchangeEvent event, const std::string& peer, std::uint64_t keyframe_id);
   void write(ImageResult& result, double read_ms, double total_ms);
   [[nodiscard]] double cpu_s() const;
-  [[nodiscard]] std::int64_t rejected_messages(const LinkStatistics& statistics) const;
-  [[nodiscard]] LinkRecord link_record(TimeNs stamp_ns) const;
-  [[nodiscard]] LinkSummary link_summary() const;
   [[nodiscard]] LostLines lost_lines() const;
   void picture(const ImageResult& result, const cv::Mat& pixels);
   void keep_calibration() const;
@@ -134,14 +126,8 @@ class Agent {
   std::size_t next_imu_ = 0;
   std::vector<Inbound> taken_;
   PeerCounts peer_counts_;
-  UpdateReport filter_;  // sums over all images
-  int zero_velocity_images_ = 0, reinitialized_ = 0;
-  int repeated_images_ = 0, uniform_images_ = 0;
-  std::optional<TimeNs> unseen_since_ns_;  // without a scene
-  bool blind_ = false;                     // and that was said
+  FlightCounts counts_;
   CpuLoadMonitor cpu_load_;
-  std::int64_t frames_ = 0, dropped_ = 0;
-  std::int64_t track_sightings_ = 0, tracks_begun_ = 0;
   std::optional<TimeNs> first_ns_;  // of the recording, or the first image of a live flight
   TimeNs last_ns_ = 0;
   std::optional<AgentStatus> told_status_;

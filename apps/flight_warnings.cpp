@@ -14,6 +14,32 @@ FlightWarnings::FlightWarnings(const AgentConfig& config, double line_delay_s)
       starts_should_fit_(config.collaboration.exchange == ExchangeMode::kCompact &&
                          config.fusion.drift.common_start) {}
 
+void FlightWarnings::of_image(const ImageResult& result, bool started) {
+  const TimeNs stamp_ns = result.timing.stamp_ns;
+  if (result.update.reinitialized) spdlog::warn("lost at image {} ns; starting anew", stamp_ns);
+  of_sight(stamp_ns, result.content, started);
+}
+
+// An image that is merely given twice is nothing to speak of.
+void FlightWarnings::of_sight(TimeNs stamp_ns, ImageContent content, bool started) {
+  if (content == ImageContent::kScene) {
+    if (blind_) {
+      spdlog::info("the camera sees again after {:.2f} s",
+                   seconds_between(*unseen_since_ns_, stamp_ns));
+    }
+    unseen_since_ns_.reset();
+    blind_ = false;
+    return;
+  }
+  if (!unseen_since_ns_) unseen_since_ns_ = stamp_ns;
+  if (blind_ || !is_blind(content)) return;
+  blind_ = true;
+  spdlog::warn(
+      "image {} ns {}: {} until the camera sees again", stamp_ns,
+      content == ImageContent::kUniform ? "is uniform" : "still shows what those before it did",
+      started ? "flying on inertial propagation" : "nothing is estimated");
+}
+
 void FlightWarnings::of_camera(const Pipeline& pipeline) {
   const std::optional<double> line_delay_s = pipeline.line_delay_found_s();
   if (rows_ || !line_delay_s) return;

@@ -14,6 +14,7 @@
 
 #include "apps/earlier_flight.h"
 #include "apps/free_domain.h"
+#include "apps/link_figures.h"
 #include "apps/trajectory_file.h"
 #include "tests/apps/covey_process.h"
 #include "tests/apps/full_disk.h"
