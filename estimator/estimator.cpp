@@ -85,8 +85,8 @@ struct Estimator::Impl {
   void update(const TrackList& tracks, UpdateReport& report);
   void drop_lost_landmarks(const TrackList& tracks);
   void settle_depths();
-  void drop_clone(int index, UpdateReport& report);
-  void marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report);
+  void drop_clone(int index);
+  void marginalize(std::optional<std::uint64_t> leaving);
   void refuse_image(TimeNs stamp_ns, UpdateReport& report);
   void apply(Remedy remedy, UpdateReport& report);
   void look_again();
@@ -217,17 +217,17 @@ void Estimator::Impl::settle_depths() {
   if (!depths_known) state->forget_first_estimates();
 }
 
-void Estimator::Impl::drop_clone(int index, UpdateReport& report) {
-  reanchor(*state, index, report);
+void Estimator::Impl::drop_clone(int index) {
+  reanchor(*state, index);
   store.forget_clone(state->clones()[static_cast<std::size_t>(index)].id);
   state->remove_clone(index);
   if (glimpsed) glimpsed->state.remove_clone(index);
 }
 
-void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving, UpdateReport& report) {
-  if (leaving) drop_clone(state->find_clone(*leaving), report);
+void Estimator::Impl::marginalize(std::optional<std::uint64_t> leaving) {
+  if (leaving) drop_clone(state->find_clone(*leaving));
   for (int i = static_cast<int>(state->clones().size()) - 2; i >= 0; --i) {
-    if (!state->clones()[static_cast<std::size_t>(i)].keyframe) drop_clone(i, report);
+    if (!state->clones()[static_cast<std::size_t>(i)].keyframe) drop_clone(i);
   }
 }
 
@@ -289,9 +289,9 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
     } else {
       store.drop_ended(kMinObservations);  // the others will help to start
     }
-    marginalize(std::nullopt, report);
+    marginalize(std::nullopt);
     if (static_cast<int>(state->clones().size()) > config.max_clones) {
-      if (const auto view = dispensable_view(state->clones(), store)) drop_clone(*view, report);
+      if (const auto view = dispensable_view(state->clones(), store)) drop_clone(*view);
     }
     report.msckf_ms = now_ms() - start_ms;
     return;
@@ -322,7 +322,7 @@ void Estimator::Impl::update(const TrackList& tracks, UpdateReport& report) {
   }
   settle_depths();
   store.drop_ended();
-  marginalize(leaving, report);
+  marginalize(leaving);
   report.msckf_ms = now_ms() - msckf_start;
 }
 

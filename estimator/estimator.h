@@ -38,7 +38,7 @@ struct UpdateReport {
   bool reinitialized = false;  // the filter lost itself and started anew at this image
   bool zero_velocity = false;  // standing still was detected and used
   int msckf_used = 0, msckf_gated = 0, msckf_untriangulated = 0;
-  int slam_used = 0, slam_gated = 0, slam_initialized = 0, slam_reanchored = 0;
+  int slam_used = 0, slam_gated = 0, slam_initialized = 0;
   int clones = 0, slam_features = 0;
   int imu_gaps = 0, imu_rejected = 0;
   int out_of_order = 0;    // IMU samples not newer than the one before

@@ -102,7 +102,7 @@ void SlamUpdate::update(State& state, const std::vector<TrackObservation>& obser
   }
 }
 
-void reanchor(State& state, int leaving_clone, UpdateReport& report) {
+void reanchor(State& state, int leaving_clone) {
   const auto& clones = state.clones();
   const std::uint64_t leaving_id = clones[static_cast<std::size_t>(leaving_clone)].id;
   int target = -1;
@@ -139,7 +139,6 @@ void reanchor(State& state, int leaving_clone, UpdateReport& report) {
     moved.inverse_depth = moved_now.inverse_depth;
     moved.first = moved_first.inverse_depth;
     state.reanchor_landmark(i, moved, J);
-    ++report.slam_reanchored;
   }
 }
 

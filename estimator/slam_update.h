@@ -29,6 +29,6 @@ class SlamUpdate {
 };
 
 // Moves the anchor of every SLAM feature off this clone; one that cannot be moved is dropped.
-void reanchor(State& state, int leaving_clone, UpdateReport& report);
+void reanchor(State& state, int leaving_clone);
 
 }  // namespace covey

@@ -46,7 +46,6 @@ KinematicState Trajectory::at(double time_s) const {
   const Segment segment = segment_at(time_s);
   const bspline::Weights w = bspline::cumulative_weights(segment.u, knot_interval_s_);
   KinematicState state;
-  state.time_s = time_s;
   state.pose.p_world_imu = positions_[segment.first];
   Eigen::Quaterniond q = attitudes_[segment.first];
   for (int j = 1; j < kOrder; ++j) {

@@ -15,7 +15,6 @@
 namespace covey {
 
 struct KinematicState {
-  double time_s = 0;  // since the start of the trajectory
   Pose pose;
   Eigen::Vector3d v_world_imu = Eigen::Vector3d::Zero();  // m/s
   Eigen::Vector3d a_world_imu = Eigen::Vector3d::Zero();  // m/s2, without gravity
