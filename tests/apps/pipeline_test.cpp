@@ -25,6 +25,10 @@
 namespace covey {
 namespace {
 
+Dataset test_flight(const std::string& drone = "uav0") {
+  return read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / drone / "mav0");
+}
+
 std::vector<ImuSample> turning(double rate, double seconds) {
   std::vector<ImuSample> imu;
   for (int i = 0; i <= static_cast<int>(seconds * 200); ++i) {
@@ -184,7 +188,7 @@ class Drone {
  public:
   Drone(const std::string& name, FlightMode mode, ExchangeMode exchange = ExchangeMode::kCompact,
         const KeyframeRule& question = {}, ThermalMode thermal = ThermalMode::kAuto)
-      : dataset_(read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / name / "mav0")),
+      : dataset_(test_flight(name)),
         pipeline_(config(name, mode, exchange, question, thermal),
                   {dataset_.camera, dataset_.extrinsics, dataset_.imu_noise},
                   dataset_.ground_truth) {}
@@ -239,7 +243,7 @@ class Drone {
 
 // Of a drone that stands still for so long: when it asks, s, and whether with corners.
 std::vector<std::pair<double, bool>> questions_at_rest(double seconds) {
-  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  const Dataset dataset = test_flight();
   const cv::Mat seen =
       read_image(dataset.images.front(), dataset.camera.width, dataset.camera.height);
   AgentConfig config;
@@ -285,25 +289,32 @@ TEST(Pipeline, SameInputGivesBitEqualOdometry) {
   EXPECT_TRUE(one.pipeline().started());
 }
 
+// Of its motion, when the camera stamps its images that much too late.
+std::vector<Odometry> told_of_first_images(Pipeline& pipeline, const Dataset& dataset,
+                                           TimeNs late_ns = 0) {
+  std::vector<Odometry> told;
+  std::size_t next_imu = 0;
+  for (std::size_t i = 0; i < 12; ++i) {
+    const ImageEntry& image = dataset.images.at(i);
+    const TimeNs stamp_ns = image.stamp_ns + late_ns;
+    add_imu_for(stamp_ns, dataset.imu, next_imu, pipeline);
+    const ImageResult result = pipeline.add_image(
+        stamp_ns, read_image(image, dataset.camera.width, dataset.camera.height));
+    if (result.odometry) told.push_back(*result.odometry);
+  }
+  return told;
+}
+
 // Odometry of a flight over visual images, whose camera is named thermal or not.
 std::vector<Odometry> flown_as(ThermalMode mode, bool named) {
-  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  const Dataset dataset = test_flight();
   AgentConfig config;
   config.agent.mode = FlightMode::kSolo;
   config.thermal.mode = mode;
   SensorSetup sensors = sensors_of(dataset);
   sensors.thermal = named;
   Pipeline pipeline(config, sensors, dataset.ground_truth);
-  std::vector<Odometry> told;
-  std::size_t next_imu = 0;
-  for (std::size_t i = 0; i < 12; ++i) {
-    const ImageEntry& image = dataset.images.at(i);
-    add_imu_for(image.stamp_ns, dataset.imu, next_imu, pipeline);
-    const ImageResult result = pipeline.add_image(
-        image.stamp_ns, read_image(image, dataset.camera.width, dataset.camera.height));
-    if (result.odometry) told.push_back(*result.odometry);
-  }
-  return told;
+  return told_of_first_images(pipeline, dataset);
 }
 
 bool bit_equal(const std::vector<Odometry>& some, const std::vector<Odometry>& others) {
@@ -333,26 +344,16 @@ TEST(Pipeline, ABlindCameraLeavesNoMoreSamplesThanOneThatSees) {
   }
 }
 
-// What a drone tells of its motion whose camera stamps its images too late, as its settings say.
+// Of a drone whose settings say so.
 std::vector<Odometry> flown_with_late_stamps(TimeNs late_ns) {
-  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  const Dataset dataset = test_flight();
   AgentConfig config;
   config.agent.mode = FlightMode::kSolo;
   config.estimator = EstimatorConfig();  // which calibrates nothing
   CameraExtrinsics extrinsics = dataset.extrinsics;
   extrinsics.time_offset_s = -1e-9 * static_cast<double>(late_ns);
   Pipeline pipeline(config, {dataset.camera, extrinsics, dataset.imu_noise}, dataset.ground_truth);
-  std::vector<Odometry> told;
-  std::size_t next_imu = 0;
-  for (std::size_t i = 0; i < 12; ++i) {
-    const ImageEntry& image = dataset.images.at(i);
-    const TimeNs stamp_ns = image.stamp_ns + late_ns;
-    add_imu_for(stamp_ns, dataset.imu, next_imu, pipeline);
-    const ImageResult result = pipeline.add_image(
-        stamp_ns, read_image(image, dataset.camera.width, dataset.camera.height));
-    if (result.odometry) told.push_back(*result.odometry);
-  }
-  return told;
+  return told_of_first_images(pipeline, dataset, late_ns);
 }
 
 TEST(Pipeline, WhereTheDroneWasIsToldByTheClockOfTheImu) {
@@ -437,64 +438,84 @@ TEST(Pipeline, AloneItAsksNobodyAndAnswersNobody) {
   EXPECT_FALSE(drone.pipeline().collaboration());
 }
 
+// uav0 and uav1, side by side. Who asks per view asks about each keyframe.
+struct TwoDrones {
+  explicit TwoDrones(ExchangeMode ones = ExchangeMode::kCompact,
+                     ExchangeMode others = ExchangeMode::kCompact)
+      : one("uav0", FlightMode::kCollaborative, ones, {0, 0, 0}),
+        other("uav1", FlightMode::kCollaborative, others) {}
+
+  // Shows `on_question` each image of uav0's about which it asks; how many those are.
+  template <typename OnQuestion>
+  int fly(const OnQuestion& on_question) {
+    int asked = 0;
+    for (std::size_t i = 0; i < one.images(); ++i) {
+      const ImageResult mine = one.fly(i);
+      (void)other.fly(i);
+      if (!mine.advert) continue;
+      ++asked;
+      on_question(mine);
+    }
+    return asked;
+  }
+  // Shows `on_answer` what uav1 answers.
+  template <typename OnAnswer>
+  void fly_answered(const OnAnswer& on_answer) {
+    fly([&](const ImageResult& mine) {
+      const auto answer = other.pipeline().answer(*mine.advert);
+      if (answer) on_answer(*answer);
+    });
+  }
+
+  Drone one, other;
+};
+
 TEST(Pipeline, TwoDronesAskAndAnswerWithoutAnyNetwork) {
-  const KeyframeRule each{0, 0, 0};
-  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
-  Drone other("uav1", FlightMode::kCollaborative);
-  int asked = 0, answered = 0;
-  for (std::size_t i = 0; i < one.images(); ++i) {
-    const ImageResult mine = one.fly(i);
-    (void)other.fly(i);
-    if (!mine.advert) continue;
-    ++asked;
+  TwoDrones drones;
+  Pipeline &one = drones.one.pipeline(), &other = drones.other.pipeline();
+  int answered = 0;
+  const int asked = drones.fly([&](const ImageResult& mine) {
     EXPECT_GT(mine.timing.describe_ms, 0);
-    const auto answer = other.pipeline().answer(*mine.advert);
-    if (!answer) continue;
+    const auto answer = other.answer(*mine.advert);
+    if (!answer) return;
     ++answered;
     EXPECT_EQ(answer->receiver, "uav0");
-    (void)one.pipeline().fuse(*answer);
-  }
+    (void)one.fuse(*answer);
+  });
   EXPECT_GT(asked, 0);
   EXPECT_GT(answered, 0);
-  EXPECT_EQ(one.pipeline().collaboration()->keyframes, asked);
-  EXPECT_EQ(one.pipeline().collaboration()->keyframes_received, answered);
-  EXPECT_EQ(other.pipeline().collaboration()->adverts_received, asked);
+  EXPECT_EQ(one.collaboration()->keyframes, asked);
+  EXPECT_EQ(one.collaboration()->keyframes_received, answered);
+  EXPECT_EQ(other.collaboration()->adverts_received, asked);
 }
 
 TEST(Pipeline, WhoAnswersHearsWhatCameOfIt) {
-  const KeyframeRule each{0, 0, 0};
-  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
-  Drone other("uav1", FlightMode::kCollaborative);
+  TwoDrones drones;
+  Pipeline &one = drones.one.pipeline(), &other = drones.other.pipeline();
   int fused = 0, learned = 0;
-  for (std::size_t i = 0; i < one.images(); ++i) {
-    const ImageResult mine = one.fly(i);
-    (void)other.fly(i);
-    if (!mine.advert) continue;
-    const auto answer = other.pipeline().answer(*mine.advert);
-    if (!answer) continue;
-    PeerResult result = one.pipeline().fuse(*answer);
+  drones.fly_answered([&](const PeerKeyframe& answer) {
+    PeerResult result = one.fuse(answer);
     EXPECT_EQ(result.outcome == PeerOutcome::kFused, result.reply.has_value());
-    if (!result.reply) continue;
+    if (!result.reply) return;
     ++fused;
     EXPECT_EQ(result.reply->receiver, "uav1");
-    EXPECT_EQ(result.reply->found->keyframe_id, answer->pose.keyframe_id);
+    EXPECT_EQ(result.reply->found->keyframe_id, answer.pose.keyframe_id);
     PeerKeyframe invented = *result.reply;
     invented.found.value().keyframe_id += 1000;
-    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
+    EXPECT_EQ(other.fuse(invented).outcome, PeerOutcome::kRejected);
     invented = *result.reply;
     invented.sender = "uav2";
-    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected)
-        << "was not answered";
+    EXPECT_EQ(other.fuse(invented).outcome, PeerOutcome::kRejected) << "was not answered";
     invented = *result.reply;
     invented.found->T_keyframe_cam.translation().x() = std::nan("");
-    EXPECT_EQ(other.pipeline().fuse(invented).outcome, PeerOutcome::kRejected);
-    const PeerResult told = other.pipeline().fuse(*result.reply);
+    EXPECT_EQ(other.fuse(invented).outcome, PeerOutcome::kRejected);
+    const PeerResult told = other.fuse(*result.reply);
     EXPECT_FALSE(told.reply) << "nobody answers that";
     learned += told.outcome == PeerOutcome::kFused ? 1 : 0;
-  }
+  });
   EXPECT_GT(fused, 0);
   EXPECT_GT(learned, 0);
-  EXPECT_TRUE(other.pipeline().team_knowledge()->alignment("uav0"));
+  EXPECT_TRUE(other.team_knowledge()->alignment("uav0"));
 }
 
 TEST(Pipeline, NotAboutEachKeyframeIsAsked) {
@@ -507,30 +528,25 @@ TEST(Pipeline, NotAboutEachKeyframeIsAsked) {
 
 // Its clock too may begin again: ids and stamps alone would pass for an earlier part of the flight.
 TEST(Pipeline, OfAPeerWhoseQuestionsCountFromTheBeginningAgainNothingIsKept) {
-  const KeyframeRule each{0, 0, 0};
-  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
-  Drone other("uav1", FlightMode::kCollaborative);
-  const DriftFilter& known = *one.pipeline().team_knowledge();
+  TwoDrones drones;
+  Pipeline &one = drones.one.pipeline(), &other = drones.other.pipeline();
+  const DriftFilter& known = *one.team_knowledge();
   PlaceAdvert question;
-  for (std::size_t i = 0; i < one.images(); ++i) {
-    const ImageResult mine = one.fly(i);
-    (void)other.fly(i);
-    if (!mine.advert) continue;
+  drones.fly([&](const ImageResult& mine) {
     question = *mine.advert;
-    const auto answer = other.pipeline().answer(question);
-    if (answer) (void)one.pipeline().fuse(*answer);
-  }
+    if (const auto answer = other.answer(question)) (void)one.fuse(*answer);
+  });
   question.sender = "uav1";
   for (const auto& [keyframe_id, is_known] :
        {std::pair(5, true), std::pair(6, true), std::pair(1, false)}) {
     question.keyframe_id = static_cast<std::uint64_t>(keyframe_id);
-    (void)one.pipeline().answer(question);
+    (void)one.answer(question);
     EXPECT_EQ(known.alignment("uav1").has_value(), is_known) << keyframe_id;
     if (!is_known) continue;
     PlaceAdvert unusable = question;
     unusable.keyframe_id = 1;
     unusable.vocabulary_hash += 1;
-    (void)one.pipeline().answer(unusable);
+    (void)one.answer(unusable);
     EXPECT_TRUE(known.alignment("uav1")) << "what nobody can answer says nothing";
   }
 }
@@ -583,28 +599,22 @@ TEST(Pipeline, InTheNaiveExchangeEveryImageIsToldToAllWithItsFilter) {
 }
 
 TEST(Pipeline, InTheNaiveExchangeQuestionsAreCountedAndNotAnswered) {
-  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kPaper);
-  Drone other("uav1", FlightMode::kCollaborative, ExchangeMode::kNaive);
-  int asked = 0;
-  for (std::size_t i = 0; i < one.images(); ++i) {
-    const ImageResult mine = one.fly(i);
-    (void)other.fly(i);
-    if (!mine.advert) continue;
-    ++asked;
-    EXPECT_FALSE(other.pipeline().answer(*mine.advert));
-  }
+  TwoDrones drones(ExchangeMode::kPaper, ExchangeMode::kNaive);
+  Pipeline& other = drones.other.pipeline();
+  const int asked =
+      drones.fly([&](const ImageResult& mine) { EXPECT_FALSE(other.answer(*mine.advert)); });
   EXPECT_GT(asked, 15);
-  EXPECT_EQ(other.pipeline().unexpected_questions(), asked);
+  EXPECT_EQ(other.unexpected_questions(), asked);
   PeerKeyframe answer;
   answer.pose.keyframe_id = 1;
-  EXPECT_FALSE(other.pipeline().with_filter(answer)) << "it has kept none";
+  EXPECT_FALSE(other.with_filter(answer)) << "it has kept none";
 }
 
 std::string complaint_about(const std::string& vocabulary) {
   AgentConfig config;
   config.agent.name = "uav0";
   config.agent.vocabulary = vocabulary;
-  const Dataset dataset = read_dataset(std::filesystem::path(COVEY_TEST_FLIGHT) / "uav0" / "mav0");
+  const Dataset dataset = test_flight();
   try {
     const Pipeline pipeline(config, {dataset.camera, dataset.extrinsics, dataset.imu_noise},
                             dataset.ground_truth);
@@ -621,21 +631,15 @@ TEST(Pipeline, TakesTheVocabularyThatItIsTold) {
 
 // Where the honest answer, which comes right after it, is taken.
 TEST(Pipeline, AHostileMessageIsRejected) {
-  const KeyframeRule each{0, 0, 0};
-  Drone one("uav0", FlightMode::kCollaborative, ExchangeMode::kCompact, each);
-  Drone other("uav1", FlightMode::kCollaborative);
+  TwoDrones drones;
+  Pipeline& one = drones.one.pipeline();
   int fused = 0;
-  for (std::size_t i = 0; i < one.images(); ++i) {
-    const ImageResult mine = one.fly(i);
-    (void)other.fly(i);
-    if (!mine.advert) continue;
-    const auto answer = other.pipeline().answer(*mine.advert);
-    if (!answer) continue;
-    PeerKeyframe hostile = *answer;
+  drones.fly_answered([&](const PeerKeyframe& answer) {
+    PeerKeyframe hostile = answer;
     hostile.landmarks.front().inverse_depth = std::nan("");
-    EXPECT_EQ(one.pipeline().fuse(hostile).outcome, PeerOutcome::kRejected);
-    if (one.pipeline().fuse(*answer).outcome == PeerOutcome::kFused) ++fused;
-  }
+    EXPECT_EQ(one.fuse(hostile).outcome, PeerOutcome::kRejected);
+    if (one.fuse(answer).outcome == PeerOutcome::kFused) ++fused;
+  });
   EXPECT_GT(fused, 0);
 }
 
