@@ -59,15 +59,15 @@ struct Keyframe {
 [[nodiscard]] double view_sigma(const Keyframe& keyframe);
 
 // The one of a drone's keyframes, oldest first and all before `pose`, since which depths seen at
-// `pose` were measured: the newest that is `memory_s` old, or the oldest there is, or itself.
+// `pose` were measured: the newest that is `memory_s` old. Or itself, while a flight is younger
+// than that: what odometry and depths are wrong by in its first moments has little in common.
 template <typename Keyframes>
 [[nodiscard]] KeyframePose measured_since(const Keyframes& keyframes, const KeyframePose& pose,
                                           double memory_s) {
-  if (keyframes.empty()) return pose;
   for (auto keyframe = keyframes.rbegin(); keyframe != keyframes.rend(); ++keyframe) {
     if (seconds_between(keyframe->pose.stamp_ns, pose.stamp_ns) >= memory_s) return keyframe->pose;
   }
-  return keyframes.front().pose;
+  return pose;
 }
 
 // Bounded. When full, of the two keyframes with the most similar views the newer one goes

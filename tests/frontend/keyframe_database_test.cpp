@@ -48,6 +48,16 @@ TEST(ViewDifference, IsAsUnsureAsPositionOverDepthAndAttitude) {
   EXPECT_NEAR(view_sigma(unsure), 0.3 + 0.3, 1e-12);
 }
 
+TEST(MeasuredSince, TheNewestThatIsOldEnoughOrNoWayAtAll) {  // one a second
+  const std::vector<Keyframe> keyframes{keyframe(1, {0, 0, 0}), keyframe(2, {0, 1, 0}),
+                                        keyframe(3, {0, 2, 0})};
+  const KeyframePose newest = keyframe(4, {0, 3, 0}).pose;
+  EXPECT_EQ(measured_since(keyframes, newest, 1.5).keyframe_id, 2U);
+  EXPECT_EQ(measured_since(keyframes, newest, 3.0).keyframe_id, 1U);
+  EXPECT_EQ(measured_since(keyframes, newest, 3.1).keyframe_id, 4U);
+  EXPECT_EQ(measured_since(std::vector<Keyframe>(), newest, 3.0).keyframe_id, 4U);
+}
+
 TEST(KeyframeRule, BaselineIsMeasuredAgainstTheMeanDepth) {
   const Keyframe last = keyframe(0, {0, 0, 0});
   const KeyframeRule rule;  // 15 %
