@@ -293,10 +293,10 @@ DriftOutcome DriftFilter::fuse(std::size_t drone, const RelativePose& measuremen
   Eigen::MatrixXd PHt = Eigen::MatrixXd::Zero(P.rows(), kRows);
   for (const auto& [index, H] : terms) {
     r -= H * state_.error(index);
-    PHt.noalias() += P.middleCols<kSize>(kSize * index) * H.transpose();
+    PHt.noalias() += P.middleCols<kSize>(DriftState::block(index)) * H.transpose();
   }
   Matrix7d S = repetition * observed.noise;
-  for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(kSize * index);
+  for (const auto& [index, H] : terms) S += H * PHt.middleRows<kSize>(DriftState::block(index));
   const Eigen::LLT<Matrix7d> cholesky((S + S.transpose()) / 2);
   if (cholesky.info() != Eigen::Success) return DriftOutcome::kInvalid;
   const double limit = ratio != nullptr ? gate_limit_with_ratio_ : gate_limit_;

@@ -112,11 +112,6 @@ void DriftState::shrink_to(int most) {
   }
 }
 
-void DriftState::correct(const Eigen::MatrixXd& W, const Vector7d& r) {
-  x_.head(size()) += W.transpose() * r;
-  P_.topLeftCorner(size(), size()).noalias() -= W.transpose() * W;
-}
-
 void DriftState::save() {
   saved_.nodes = nodes_;
   if (saved_.P.rows() != P_.rows()) {

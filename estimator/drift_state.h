@@ -37,6 +37,8 @@ class DriftState {
   [[nodiscard]] const Node& node(int index) const {
     return nodes_[static_cast<std::size_t>(index)];
   }
+  // Where a node's error begins among all.
+  [[nodiscard]] static constexpr int block(int index) { return kSize * index; }
   [[nodiscard]] auto error(int index) const { return x_.segment<kSize>(block(index)); }
   [[nodiscard]] auto covariance_of(int index) const {
     return P_.block<kSize, kSize>(block(index), block(index));
@@ -58,13 +60,15 @@ class DriftState {
 
   // A Kalman filter's update: e += W^T r and P -= W^T W, for a residual and its innovation
   // covariance S = L L^T whitened: r = inv(L) residual, W = inv(L) H P.
-  void correct(const Eigen::MatrixXd& W, const Vector7d& r);
+  void correct(const Eigen::MatrixXd& W, const Vector7d& r) {
+    x_.head(size()) += W.transpose() * r;
+    P_.topLeftCorner(size(), size()).noalias() -= W.transpose() * W;
+  }
 
   void save();  // to return to, once
   void restore();
 
  private:
-  [[nodiscard]] static constexpr int block(int index) { return kSize * index; }
   [[nodiscard]] Eigen::Index size() const { return block(keyframes()); }
   void append(const Node& node, const Neighbours& from, const Matrix6d& A_earlier,
               const Matrix6d& A_later, const Matrix6d& Q);
