@@ -3,7 +3,7 @@
 // How many of a keyframe's landmarks will be found again from somewhere else, before they are sent
 // there. Landmarks look the less alike the larger the angle between the directions in which they
 // are seen: they are found with a chance of exp(-angle / tolerance). Bare ground allows larger
-// angles than what has edges, so the tolerance is learned from what is found.
+// angles than what has edges, so the tolerance is learnt from what is found.
 #pragma once
 
 #include <Eigen/Core>
@@ -50,7 +50,7 @@ class ViewpointTolerance {
 
  private:
   // Sums over landmarks; a loss is -log of the share that is found. At first a guess, worth a few
-  // landmarks and rather large: what is not answered is not learned from.
+  // landmarks and rather large: what is not answered is not learnt from.
   double angles_ = 3;  // rad
   double losses_ = angles_ / 1.2;
 };

@@ -29,7 +29,7 @@ class CollectedFlight : public testing::Test {
  protected:
   [[nodiscard]] fs::path run() const { return folder_.path() / "run"; }
 
-  std::string config() {
+  [[nodiscard]] std::string write_config() const {
     const json settings = {{"agent", {{"pace", "rate"}, {"real_time_factor", 2}}},
                            {"link", {{"domain", domain_.id()}}}};
     return folder_.write("agent.json", settings.dump()).string();
@@ -38,7 +38,7 @@ class CollectedFlight : public testing::Test {
   std::vector<std::string> agent(const std::string& name) {
     return {"agent",
             "--config",
-            config(),
+            config_,
             "--name",
             name,
             "--team-of",
@@ -51,7 +51,7 @@ class CollectedFlight : public testing::Test {
 
   int report(const std::string& silence_s) {
     CoveyProcess covey({"report", run().string(), "--dataset", COVEY_TEST_FLIGHT, "--config",
-                        config(), "--wait", silence_s});
+                        config_, "--wait", silence_s});
     const int code = covey.finish();
     output_ = covey.output();
     return code;
@@ -59,6 +59,7 @@ class CollectedFlight : public testing::Test {
 
   TemporaryFolder folder_;
   FreeDomain domain_;
+  const std::string config_ = write_config();  // once: whoever flies may be reading it
   std::string output_;
 };
 
