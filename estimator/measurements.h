@@ -163,8 +163,8 @@ struct PeerKeyframe {
   std::string receiver;
   std::uint64_t request_keyframe_id = 0;  // PlaceAdvert::keyframe_id that is answered
   KeyframePose pose;                      // in the sender's world
-  KeyframePose before;                    // the other end of the way on which depths were measured
-  double patch_spacing = 0;               // between the samples of the patches, normalised plane
+  KeyframePose before;  // the other end of the way on which depths were measured; `pose`: on none
+  double patch_spacing = 0;  // between the samples of the patches, normalised plane
   // Of an answer. One to a brief question has no descriptors: what landmarks look like is looked
   // for where they must be.
   bool described = true;
