@@ -32,6 +32,7 @@ AgentConfig configuration(const Options& options) {
   if (options.team_of > 0) {
     config.agent.wait_for_peers = options.team_of - 1;
     config.link.max_agents = std::max(config.link.max_agents, options.team_of);
+    config.link.team_size = options.team_of;
   }
   config.thermal.mode = thermal_mode_from_name(options.thermal).value_or(config.thermal.mode);
   return config;

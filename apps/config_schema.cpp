@@ -470,6 +470,7 @@ void visit_link(LinkConfig& link, ConfigVisitor& v) {
   v.text("team", link.team, "teams do not hear each other");
   v.count("domain", link.domain, {0, 200}, "DDS domain");
   v.count("max_agents", link.max_agents, {2, kMaxAgents}, "in a team");
+  v.count("team_size", link.team_size, {0, kMaxAgents}, "drones there will be; 0: not known");
   v.flag("loopback_only", link.loopback_only, "nothing leaves this machine");
   v.texts("interfaces", link.interfaces, "own IPv4 addresses to use; empty: all");
   v.texts("initial_peers", link.initial_peers, "IPv4 hosts of other drones");

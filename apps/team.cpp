@@ -406,8 +406,9 @@ AgentConfig agent_config(const TeamOptions& options, const DroneFolder& drone, i
     throw std::runtime_error("a team has at most " + std::to_string(kMaxAgents) + " drones, not " +
                              std::to_string(drones));
   }
-  config.link.max_agents =
-      std::max(config.link.max_agents, std::min(static_cast<int>(drones), kMaxAgents));
+  const int linked_drones = std::min(static_cast<int>(drones), kMaxAgents);
+  config.link.max_agents = std::max(config.link.max_agents, linked_drones);
+  config.link.team_size = linked_drones;
   // Nothing of a radio: in lockstep nothing may be lost, however slow the machine.
   if (options.pace == Pace::kLockstep) config.link_profile = lockstep_profile(config.link);
   require_possible(config);

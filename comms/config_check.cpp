@@ -93,6 +93,7 @@ void check(const LinkConfig& config) {
   check_name("team", config.team);
   check_range("domain", config.domain, 0, 200);
   check_range("max_agents", config.max_agents, 2, kMaxAgents);
+  check_range("team_size", config.team_size, 0, config.max_agents);
   require(config.inbox_limit > 0, "inbox_limit is 0: nothing could be received");
   check(config.profile);
   check_discovery(config);

@@ -201,7 +201,11 @@ void LinkState::hear(const Packet& packet, Time now) {
 
 bool LinkState::complete(Time now) const {
   const std::lock_guard lock(mutex_);
-  if (watch_.others.empty() || now - newcomer_ <= kWelcome) return false;
+  if (now - newcomer_ <= kWelcome) return false;
+  if (watch_.others.empty()) {
+    const std::size_t all = table_.linked(token(own_id_)).size() + 1;
+    return watch_.team_size > 0 && all >= static_cast<std::size_t>(watch_.team_size);
+  }
   const std::set<in_addr_t> linked = table_.linked_addresses(token(own_id_));
   return std::includes(linked.begin(), linked.end(), watch_.others.begin(), watch_.others.end());
 }

@@ -28,6 +28,7 @@ enum class Kind : std::uint8_t { kRequest, kMessage, kFullMessage, kStatus, kOdo
 struct TeamWatch {
   SilenceLimits silence;
   std::set<in_addr_t> others;  // where the team's other drones are, one at each; empty: not known
+  int team_size = 0;           // with this one, where it is not known where they are; 0: not known
 };
 
 class LinkState {
@@ -47,8 +48,8 @@ class LinkState {
   void enter_participant(const PeerId& id, Time now);  // drone or not
   void remove_participant(const PeerId& id);
   void hear(const Packet& packet, Time now);
-  // Somebody is linked at each place of the team, whoever else is, and nobody has come lately: no
-  // participant needs to be told of this one.
+  // Somebody is linked at each place of the team, whoever else is, or as many as it has, and nobody
+  // has come lately: no participant needs to be told of this one.
   [[nodiscard]] bool complete(Time now) const;
   // For participants that may still get linked: who does not get on for 2 s is something else.
   struct Waiting {

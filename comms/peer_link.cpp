@@ -38,6 +38,7 @@ TeamWatch team_watch(const LinkConfig& config) {
   watch.silence.gone = milliseconds(config.profile.status.liveliness_ms);
   watch.silence.doubt = sign + (watch.silence.gone - sign) / 6;
   watch.others = other_drones(config);
+  watch.team_size = config.team_size;
   return watch;
 }
 

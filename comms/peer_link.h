@@ -36,8 +36,11 @@ struct LinkConfig {
   std::string team = "covey";  // same characters; teams do not hear each other
   int domain = 0;              // DDS domain, 0..200
   LinkProfile profile;
-  // At once, this one included; also how many per host are looked for. Who has left makes room.
+  // At once, this one included. Who has left makes room.
   int max_agents = 16;
+  // How many there will be, this one included: on one host they are not looked for on more ports
+  // than that, and no longer once all are linked. 0: not known, max_agents at most.
+  int team_size = 0;
   // The messages of this team carry whole filters, FullPeerKeyframe instead of PeerKeyframe. Drones
   // of the other sort are not heard.
   bool full_messages = false;

@@ -102,7 +102,8 @@ eprosima::fastrtps::rtps::GuidPrefix_t fresh_prefix() {
 
 // Participants of one host sit on ports one after the other; so many of them are tried.
 int ports_looked_at(const LinkConfig& config) {
-  return config.loopback_only ? config.max_agents : config.profile.discovery.ports_per_host;
+  if (!config.loopback_only) return config.profile.discovery.ports_per_host;
+  return config.team_size > 0 ? config.team_size : config.max_agents;
 }
 
 ResourceLimitedContainerConfig at_most(std::size_t maximum) { return {1, maximum, 1}; }

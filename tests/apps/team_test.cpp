@@ -294,6 +294,8 @@ TEST_F(Team, MoreDronesThanALinkHoldsAreNamedBeforeAnythingIsTakenAway) {
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("at most 32 drones, not 33")));
   options.mode = FlightMode::kSolo;
   EXPECT_EQ(agent_config(options, options.drones.front(), 0).link.max_agents, kMaxAgents);
+  options.drones.resize(4);
+  EXPECT_EQ(agent_config(options, options.drones.front(), 0).link.team_size, 4);
 }
 
 TEST_F(Team, ThePageOfAThermalFlightHasPicturesAndThatOfAVisualOneHasNot) {

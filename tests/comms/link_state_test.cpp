@@ -260,6 +260,25 @@ TEST(LinkState, WhoIsNotOfTheTeamTakesNobodysPlaceInIt) {
   EXPECT_FALSE(state.complete(now + seconds(60)));
 }
 
+TEST(LinkState, ATeamOfKnownSizeIsCompleteWhereverItsDronesAre) {
+  const auto now = std::chrono::steady_clock::now();
+  LinkState state("uav0", 8, {{}, {}, 3}), placed("uav0", 8, {{}, {kPlaceOf1, kPlaceOf2}, 2});
+  PeerId own{}, uav2{};
+  own[0] = 7;
+  uav2[0] = 9;
+  for (LinkState* each : {&state, &placed}) {
+    link(*each, own, uav1_id());
+    each->hear({uav1_id(), kPlaceOf1}, now);
+  }
+  EXPECT_FALSE(placed.complete(now + seconds(60))) << "places say more than a number";
+  EXPECT_FALSE(state.complete(now + seconds(60)));
+  link(state, own, uav2, "uav2");
+  state.hear({uav2, kPlaceOf1}, now);
+  EXPECT_TRUE(state.complete(now + seconds(60)));
+  state.remove_participant(uav1_id());
+  EXPECT_FALSE(state.complete(now + seconds(60)));
+}
+
 TEST(LinkState, ANewcomerIsWaitedForUntilItIsLinkedOrDoesNotGetOn) {
   const auto now = std::chrono::steady_clock::now();
   LinkState state("uav0", 8);

@@ -63,6 +63,7 @@ TEST(PeerLink, AConfigurationThatCannotWorkIsRefusedByName) {
   EXPECT_THAT(complaint([](auto& c) { c.team = "two words"; }), HasSubstr("two words"));
   EXPECT_THAT(complaint([](auto& c) { c.domain = 201; }), HasSubstr("domain 201 is not in 0..200"));
   EXPECT_THAT(complaint([](auto& c) { c.max_agents = 1; }), HasSubstr("max_agents 1"));
+  EXPECT_THAT(complaint([](auto& c) { c.team_size = c.max_agents + 1; }), HasSubstr("team_size"));
   EXPECT_THAT(complaint([](auto& c) { c.inbox_limit = 0; }), HasSubstr("inbox_limit"));
   EXPECT_THAT(complaint([](auto& c) {
                 c.loopback_only = false;
