@@ -191,7 +191,7 @@ PeerKeyframe from_wire(const wire::MessageUAV& message) {
   out.receiver = message.receiver().to_string();
   out.request_keyframe_id = message.request_keyframe_id();
   out.pose = from_wire(message.keyframe());
-  out.before = from_wire(message.before());
+  out.before = message.before().empty() ? out.pose : from_wire(message.before().front());
   out.patch_spacing = message.patch_spacing();
   out.landmarks = landmarks_of(message);
   out.described = out.landmarks.empty() || !message.descriptors().empty();
@@ -291,7 +291,9 @@ wire::MessageUAV to_wire(const PeerKeyframe& keyframe) {
   out.receiver(keyframe.receiver);
   out.request_keyframe_id(keyframe.request_keyframe_id);
   out.keyframe(to_wire(keyframe.pose));
-  out.before(to_wire(keyframe.before));
+  if (keyframe.before.keyframe_id != keyframe.pose.keyframe_id) {
+    out.before().push_back(to_wire(keyframe.before));
+  }
   out.patch_spacing(static_cast<float>(keyframe.patch_spacing));
   for (const PeerLandmark& landmark : keyframe.landmarks) append(landmark, keyframe.described, out);
   if (keyframe.found) out.found().push_back(to_wire(*keyframe.found));
@@ -392,10 +394,13 @@ Problem problem_on_wire(const wire::MessageUAV& message) {
           (message.patch_spacing() > 0 ? std::tuple_size_v<LandmarkPatch> * count : 0)) {
     return "landmark lists of different lengths";
   }
-  for (const wire::CameraPose& pose : {message.keyframe(), message.before()}) {
+  if (message.before().size() > 1) return "more than one keyframe before";
+  if (message.found().size() > 1) return "more than one keyframe found";
+  std::vector<wire::CameraPose> poses = message.before();
+  poses.push_back(message.keyframe());
+  for (const wire::CameraPose& pose : poses) {
     if (const Problem problem = problem_with_attitude(pose.q_world_cam_xyzw())) return problem;
   }
-  if (message.found().size() > 1) return "more than one keyframe found";
   for (const wire::FoundKeyframe& found : message.found()) {
     if (const Problem problem = problem_with_attitude(found.q_keyframe_cam_xyzw())) return problem;
   }

@@ -21,12 +21,12 @@ namespace covey {
 
 using Bytes = std::vector<std::uint8_t>;
 
-inline constexpr std::uint8_t kWireVersion = 8;
+inline constexpr std::uint8_t kWireVersion = 9;
 
 // Largest samples that are sent or accepted, bytes: the bounds of idl/covey.idl, rounded up.
 inline constexpr std::size_t kMaxRequestBytes = 4352;
-inline constexpr std::size_t kMaxMessageBytes = 14848;
-inline constexpr std::size_t kMaxFullMessageBytes = 545'000;
+inline constexpr std::size_t kMaxMessageBytes = 13824;
+inline constexpr std::size_t kMaxFullMessageBytes = 544'000;
 inline constexpr std::size_t kMaxStatusBytes = 1792;
 inline constexpr std::size_t kMaxOdometryBytes = 384;
 

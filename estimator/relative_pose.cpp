@@ -139,7 +139,8 @@ PeerKeyframe as_told(const RelativePose& measurement, const std::string& own_nam
   message.receiver = measurement.drone;
   message.request_keyframe_id = measurement.own.keyframe_id;
   message.pose = measurement.own;
-  message.before = measurement.own_before;
+  // Of the own depths a ratio alone tells something.
+  message.before = measurement.depth_ratio ? measurement.own_before : measurement.own;
   FoundKeyframe& found = message.found.emplace();
   found.keyframe_id = measurement.other.keyframe_id;
   found.T_keyframe_cam = measurement.T_other_own;

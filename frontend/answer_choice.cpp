@@ -124,11 +124,11 @@ std::vector<KeyframeFeature> most_alike(const std::vector<KeyframeFeature>& land
 // Those in the asker's image: first the nearest, which tell most of the way.
 std::vector<KeyframeFeature> in_sight(const std::vector<KeyframeFeature>& landmarks,
                                       const Eigen::Isometry3d& T_asker_keyframe,
-                                      const CameraIntrinsics& camera) {
+                                      const CameraIntrinsics& camera, double margin_px) {
   std::vector<KeyframeFeature> seen;
   std::copy_if(landmarks.begin(), landmarks.end(), std::back_inserter(seen),
                [&](const KeyframeFeature& landmark) {
-                 return is_in_sight(camera, T_asker_keyframe * position_of(landmark));
+                 return is_in_sight(camera, T_asker_keyframe * position_of(landmark), margin_px);
                });
   std::stable_sort(seen.begin(), seen.end(),
                    [](const auto& a, const auto& b) { return a.inverse_depth > b.inverse_depth; });
@@ -141,7 +141,7 @@ void keep_most_useful(const AnswerRules& rules, const Question& question,
   if (is_brief(*question.advert)) {
     const Eigen::Isometry3d T_asker_keyframe =
         question.asked_from->T_world_cam.inverse() * answer.keyframe->pose.T_world_cam;
-    landmarks = in_sight(landmarks, T_asker_keyframe, camera);
+    landmarks = in_sight(landmarks, T_asker_keyframe, camera, rules.margin_px);
   } else if (rules.place_mode == PlaceMode::kCompact) {
     landmarks = most_alike(landmarks, *question.advert);
   }

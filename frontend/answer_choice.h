@@ -24,6 +24,7 @@ struct AnswerRules {
   std::size_t min_landmarks = 8;    // or a keyframe is not worth sending
   double max_relative_sigma = 0.3;  // of a landmark's depth
   double least_finds = 8;           // that must be expected, where it is sure what is in sight
+  double margin_px = 8;             // from the border of the asker's image, of what is found there
 };
 
 struct Question {

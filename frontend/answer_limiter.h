@@ -22,7 +22,7 @@ class AnswerLimiter {
     double resend_interval_s = 2.0;  // before one peer gets the same keyframe again, or, where it
                                      // finds nothing, another one
     std::size_t max_peers = 64;      // at a time: who invents more names gets no answer
-    double landmarks_per_s = 400;    // that all peers share; 0: no bound
+    double landmarks_per_s = 370;    // that all peers share; 0: no bound
     int least_landmarks = 40;        // of an answer; if shares are smaller, answers get rarer
     int max_landmarks = 85;          // of an answer
   };

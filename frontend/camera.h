@@ -51,9 +51,10 @@ struct CameraIntrinsics {
 [[nodiscard]] bool is_on_lens(const CameraIntrinsics& camera, const Eigen::Vector2d& bearing);
 
 // Not for a pixel that is no number.
-[[nodiscard]] inline bool is_in_image(const CameraIntrinsics& camera,
-                                      const Eigen::Vector2d& pixel) {
-  return pixel.x() >= 0 && pixel.x() < camera.width && pixel.y() >= 0 && pixel.y() < camera.height;
+[[nodiscard]] inline bool is_in_image(const CameraIntrinsics& camera, const Eigen::Vector2d& pixel,
+                                      double margin_px = 0) {
+  return pixel.x() >= margin_px && pixel.x() < camera.width - margin_px && pixel.y() >= margin_px &&
+         pixel.y() < camera.height - margin_px;
 }
 
 // Bearing of a pixel by Newton's method; nothing where the distortion cannot be inverted.

@@ -77,6 +77,7 @@ AnswerRules answer_rules(const CollaboratorConfig& config) {
   rules.min_landmarks = static_cast<std::size_t>(config.min_landmarks);
   rules.max_relative_sigma = config.matching.max_relative_sigma;
   rules.least_finds = config.matching.min_matches;
+  rules.margin_px = reach_px(config.matching.patch);
   return rules;
 }
 

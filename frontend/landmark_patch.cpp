@@ -18,12 +18,13 @@
 namespace covey {
 namespace {
 
-constexpr int kSide = 8;    // samples of a patch
-constexpr int kWaves = 16;  // of which it is made
-constexpr int kBits = 6;    // of each, with a sign
+constexpr int kSide = 8;                      // samples of a patch
+constexpr double kReach = 0.5 * (kSide + 2);  // samples, of a search: it looks at gradients too
+constexpr int kWaves = 12;                    // of which it is made
+constexpr int kBits = 5;                      // of each, with a sign
 constexpr int kSmallest = -(1 << (kBits - 1));
 constexpr float kLargest = -kSmallest - 1;
-static_assert(std::size_t{kWaves} * kBits == 8 * std::tuple_size_v<LandmarkPatch>);
+static_assert(std::size_t{kWaves} * kBits <= 8 * std::tuple_size_v<LandmarkPatch>);
 constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;
@@ -187,7 +188,7 @@ std::optional<Fit> align(const Waves& patch, const cv::Mat& image, PatchPlace gr
   constexpr int kSpent = 3;              // waves, on gain and place
   std::optional<Slope> slope;
   for (int i = 0; i < kMaxIterations; ++i) {
-    if (!inside(image, grid, 0.5 * (kSide + 2))) return std::nullopt;
+    if (!inside(image, grid, kReach)) return std::nullopt;
     Waves waves;
     if (slope && (grid.pixel - slope->pixel).norm() < kSameSlope_px) {
       waves = waves_of(sample<kSide>(image, grid));
@@ -287,6 +288,8 @@ std::optional<Fit> find(const Waves& patch, const ImagePyramid& image, PatchPlac
 }
 
 }  // namespace
+
+double reach_px(const PatchSearchConfig& config) { return kReach * config.spacing_px; }
 
 std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,
                                                 const CameraIntrinsics& camera,

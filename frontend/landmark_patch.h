@@ -23,6 +23,9 @@ struct PatchSearchConfig {
   double min_correlation = 0.9;  // zero-mean normalised, of what is found with what was sent
 };
 
+// What is nearer to the border of an image than that, px, is not found there.
+[[nodiscard]] double reach_px(const PatchSearchConfig& config);
+
 // Samples `spacing` apart on the normalised plane about `bearing`. Nothing near the border or
 // without contrast.
 [[nodiscard]] std::optional<LandmarkPatch> cut_landmark_patch(const cv::Mat& image,

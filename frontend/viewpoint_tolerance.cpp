@@ -7,11 +7,11 @@
 
 namespace covey {
 
-bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam) {
+bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam, double margin_px) {
   constexpr double kMinDepth = 0.1;  // m
   if (!(p_cam.z() > kMinDepth)) return false;
   const Eigen::Vector2d bearing = p_cam.hnormalized();
-  return is_in_image(camera, project(camera, bearing)) && is_on_lens(camera, bearing);
+  return is_in_image(camera, project(camera, bearing), margin_px) && is_on_lens(camera, bearing);
 }
 
 std::vector<double> viewing_angles(const std::vector<Eigen::Vector3d>& landmarks,

@@ -29,8 +29,9 @@ template <typename Landmarks>
   return positions;
 }
 
-// Is a point (m, in cam) before the camera and in its image?
-[[nodiscard]] bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam);
+// Is a point (m, in cam) before the camera and in its image, so far from the border?
+[[nodiscard]] bool is_in_sight(const CameraIntrinsics& camera, const Eigen::Vector3d& p_cam,
+                               double margin_px = 0);
 
 // The angles, rad, between the directions from which two cameras see landmarks (m, in the frame of
 // the one that has seen them), of those that are in the other one's image.

@@ -115,7 +115,7 @@ class Client {
                  {"receiver", answer.receiver},
                  {"request_keyframe_id", answer.request_keyframe_id},
                  {"keyframe", pose(answer.keyframe)},
-                 {"before", pose(answer.before)},
+                 {"before", poses(answer.before)},
                  {"descriptors", answer.descriptors._length},
                  {"bearings", answer.bearings._length},
                  {"inverse_depths", answer.inverse_depths._length},
@@ -156,6 +156,13 @@ class Client {
             {"stamp_ns", pose.stamp_ns},
             {"p_world_cam", pose.p_world_cam},
             {"q_world_cam_xyzw", pose.q_world_cam_xyzw}};
+  }
+
+  template <typename Sequence>
+  static json poses(const Sequence& sequence) {
+    json all = json::array();
+    for (std::uint32_t i = 0; i < sequence._length; ++i) all.push_back(pose(sequence._buffer[i]));
+    return all;
   }
 
   static json octets(const dds_sequence_octet& bytes) {

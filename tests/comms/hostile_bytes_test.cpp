@@ -142,8 +142,13 @@ TEST(HostileBytes, SequencesBeyondTheirBoundsAreRejected) {
   long_message.bearings().resize(2 * 257);
   long_message.inverse_depths().resize(257, long_message.inverse_depths().front());
   long_message.depth_sigmas().resize(257, long_message.depth_sigmas().front());
-  long_message.patches().resize(12 * 257);
+  long_message.patches().resize(8 * 257);
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(long_message))), "too many landmarks");
+
+  wire::MessageUAV from_two_sides = message();
+  from_two_sides.before().push_back(from_two_sides.before().front());
+  EXPECT_EQ(reason(decode_peer_keyframe(serialize(from_two_sides))),
+            "more than one keyframe before");
 
   wire::AgentStatus crowded =
       parse<wire::AgentStatus>(encode(StatusSample{samples::status(), {{1}}}));
@@ -198,7 +203,7 @@ TEST(HostileBytes, NumbersThatOnlyTheWireCanHoldAreRejected) {
   EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "position not plausible");
   for (const float bad : {nan, 0.0F, 1e30F}) {
     bytes = message();
-    bytes.before().q_world_cam_xyzw({bad, bad, bad, bad});
+    bytes.before().front().q_world_cam_xyzw({bad, bad, bad, bad});
     EXPECT_EQ(reason(decode_peer_keyframe(serialize(bytes))), "attitude is not a unit quaternion");
   }
   bytes = message();
