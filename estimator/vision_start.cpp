@@ -33,6 +33,10 @@ constexpr double kMaxGlimpseResidual = 1.25, kGoodGlimpseResidual = 0.9;
 // Between the quartiles of the depths. Noise alone makes 1.3 to 1.5 of it (simulated features).
 constexpr double kVisibleRelief = 1.6;
 
+// By how much single depths lower the squared residuals of a track, over what noise leaves for each
+// of its rows: 1 where depths do not differ.
+constexpr double kBetterFit = 2;
+
 // Of a glimpse: as many as an update may use, but never too few to tell anything.
 int max_glimpse_tracks(const EstimatorConfig& config) {
   return std::max(config.max_msckf_features, kMinStartTracks);
@@ -46,12 +50,13 @@ int max_tracks(const EstimatorConfig& config) {
 // Distance of a track from fitting, whatever the state's uncertainty: outliers stay out.
 struct Misfit {
   double mean_squared_residual = 0, weight = 1;  // of its rows
+  int rows = 0;
 };
 
 Misfit misfit_of(const TrackRows& rows, int columns) {
   const int m = rows.count - 3;
   const double squared = rows.of_window.col(columns).segment(3, m).squaredNorm();
-  return {squared / m, std::sqrt(std::min(1.0, kStartOutlier * kStartOutlier * m / squared))};
+  return {squared / m, std::sqrt(std::min(1.0, kStartOutlier * kStartOutlier * m / squared)), m};
 }
 
 }  // namespace
@@ -160,7 +165,7 @@ VisionStart::Quality VisionStart::stack_glimpsed(const State& state,
   far.tail<2>() << std::log(kFarDepth_m / depth) / kDepthSpread, 1 / kDepthSpread;
   stack_.clear();
   stack_.add(far);
-  std::vector<double> residuals;
+  std::vector<double> residuals, rows;
   points.resize(tracks.size());
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (static_cast<int>(residuals.size()) == max_glimpse_tracks(config_)) break;
@@ -171,10 +176,13 @@ VisionStart::Quality VisionStart::stack_glimpsed(const State& state,
     const Misfit misfit = misfit_of(rows_, columns);
     stack_.add(rows_, columns + 2, misfit.weight);
     residuals.push_back(misfit.mean_squared_residual);
+    rows.push_back(misfit.rows);
   }
   Quality quality;
   quality.tracks = static_cast<int>(residuals.size());
-  if (quality.tracks > 0) quality.median_squared_residual = median(std::move(residuals));
+  if (quality.tracks == 0) return quality;
+  quality.median_squared_residual = median(std::move(residuals));
+  quality.median_rows = median(std::move(rows));
   return quality;
 }
 
@@ -195,16 +203,25 @@ VisionStart::DepthRow VisionStart::take_depth_out(int columns) {
 }
 
 // Where single depths show, iterations must keep them: with all points put equally far again each
-// time they run away. Where they do not, they would be fitted to noise: all come out too near,
-// which claims to see more of the motion than there is to see, if the iterations settle at all.
+// time they run away, by centimetres while all that is left of the tracks is still within what they
+// claim. Where they do not show, they would be fitted to noise: all come out too near, which claims
+// to see more of the motion than there is to see, if the iterations settle at all.
 std::optional<State> VisionStart::glimpse(const State& state,
                                           const std::vector<const Track*>& tracks) {
   std::optional<Glimpse> far = glimpse(state, tracks, Points::kEquallyFar);
-  if (far && far->convincing) return std::move(far->state);
   std::optional<Glimpse> kept = glimpse(state, tracks, Points::kKept);
-  if (kept && (kept->convincing || !far)) return std::move(kept->state);
-  if (!far) return std::nullopt;
-  return std::move(far->state);
+  if (!far && !kept) return std::nullopt;
+  if (!far || (kept && fits_better(kept->quality, far->quality))) return std::move(kept->state);
+  const bool shows_in_kept = kept && kept->convincing && !far->convincing;
+  return std::move(shows_in_kept ? kept->state : far->state);
+}
+
+// An F test of one depth more for each track, of medians.
+bool VisionStart::fits_better(const Quality& kept, const Quality& equally_far) {
+  const double rows = kept.median_rows;
+  const double left = kept.median_squared_residual,
+               lowered = equally_far.median_squared_residual - left;
+  return rows > 1 && lowered * (rows - 1) > kBetterFit * left;
 }
 
 bool VisionStart::shows_relief(const std::vector<Point>& points) {
@@ -260,14 +277,14 @@ std::optional<VisionStart::Glimpse> VisionStart::glimpse(const State& state,
   if (!(quality.median_squared_residual < kMaxGlimpseResidual)) return std::nullopt;
   if (mode == Points::kEquallyFar) {
     const bool fits = converged && quality.median_squared_residual < kGoodGlimpseResidual;
-    return Glimpse{std::move(current), fits};
+    return Glimpse{std::move(current), quality, fits};
   }
   // What is told, and how sure it is, comes from there as if all were equally far.
   const bool relief = shows_relief(points);
   points.clear();
   (void)stack_glimpsed(current, tracks, depth, points);
   if (!step_glimpse(state, current)) return std::nullopt;
-  return Glimpse{std::move(current), relief};
+  return Glimpse{std::move(current), quality, relief};
 }
 
 }  // namespace covey

@@ -41,10 +41,11 @@ class VisionStart {
                                              const std::vector<const Track*>& tracks);
 
  private:
-  // Medians over the tracks that were stacked: mean squared whitened residual, depth error.
+  // Medians over the tracks that were stacked: mean squared whitened residual, its rows, depth
+  // error.
   struct Quality {
     int tracks = 0;
-    double median_squared_residual = 0, median_depth_error = 0;
+    double median_squared_residual = 0, median_rows = 0, median_depth_error = 0;
   };
   [[nodiscard]] Quality stack(const State& state, const std::vector<const Track*>& tracks);
 
@@ -70,9 +71,11 @@ class VisionStart {
   enum class Points { kKept, kEquallyFar };  // from one iteration to the next
   struct Glimpse {
     State state;
+    Quality quality;
     // Of points that are kept: some are nearer than others. Equally far: it fits beyond doubt.
     bool convincing = false;
   };
+  [[nodiscard]] static bool fits_better(const Quality& kept, const Quality& equally_far);
   [[nodiscard]] std::optional<Glimpse> glimpse(const State& state,
                                                const std::vector<const Track*>& tracks,
                                                Points mode);
