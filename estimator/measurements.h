@@ -95,9 +95,9 @@ using BinaryDescriptor = std::array<std::uint8_t, 32>;  // ORB, 256 bits
 // With the geometry to check them, drones match by it as well as by the whole.
 using ShortDescriptor = std::array<std::uint8_t, 8>;
 
-// What a corner looks like: 12 coefficients of 5 bits, two's complement, of the cosine transform of
-// 8 x 8 grey levels (frontend/landmark_patch.h), one after the other, low bits first. All zero:
-// none.
+// What a corner looks like: 12 coefficients, 4 of 6 bits and then 8 of 5, two's complement, of the
+// cosine transform of 8 x 8 grey levels (frontend/landmark_patch.h), one after the other, low bits
+// first. All zero: none.
 using LandmarkPatch = std::array<std::uint8_t, 8>;
 
 // How far away a tracked corner is, seen from the newest image.

@@ -21,11 +21,8 @@ namespace {
 constexpr int kSide = 8;                      // samples of a patch
 constexpr double kReach = 0.5 * (kSide + 2);  // samples, of a search: it looks at gradients too
 constexpr int kWaves = 12;                    // of which it is made
-constexpr int kBits = 5;                      // of each, with a sign
-constexpr int kSmallest = -(1 << (kBits - 1));
-constexpr float kLargest = -kSmallest - 1;
-static_assert(std::size_t{kWaves} * kBits <= 8 * std::tuple_size_v<LandmarkPatch>);
-constexpr float kMinContrast = 12;  // grey levels of the image, brightest to darkest
+constexpr int kLongest = 4;                   // of them, that have a bit more
+constexpr float kMinContrast = 12;            // grey levels of the image, brightest to darkest
 constexpr int kMaxIterations = 12;
 constexpr double kConverged_px = 0.02;
 
@@ -91,26 +88,35 @@ Waves waves_of(const Samples& samples) {
   return basis * Eigen::Map<const Eigen::Matrix<float, kSide * kSide, 1>>(samples.data());
 }
 
-// Levels lie one after the other, the low bits of each in the lower octet.
+// Levels lie one after the other, the low bits of each in the lower octet. The longest waves are
+// the strongest, as a rule twice as strong as any other: with a bit more all have one unit, which
+// is as small as that of six bits each.
 struct Bits {
   std::size_t octet = 0;
-  unsigned shift = 0;
-  [[nodiscard]] bool ends_in_next() const { return shift + kBits > 8; }
+  unsigned shift = 0, count = 0;
+  [[nodiscard]] unsigned mask() const { return (1U << count) - 1; }
+  [[nodiscard]] int largest() const { return (1 << (count - 1)) - 1; }
+  [[nodiscard]] bool ends_in_next() const { return shift + count > 8; }
 };
 
 Bits bits_of(int wave) {
-  const int first = kBits * wave;
-  return {static_cast<std::size_t>(first / 8), static_cast<unsigned>(first % 8)};
+  constexpr int kFewest = 5;
+  static_assert(kFewest * kWaves + kLongest == 8 * std::tuple_size_v<LandmarkPatch>);
+  const auto first = static_cast<unsigned>(kFewest * wave + std::min(wave, kLongest));
+  return {first / 8, first % 8, wave < kLongest ? kFewest + 1U : kFewest};
 }
 
 LandmarkPatch encode(const Waves& waves) {
-  const float largest = waves.cwiseAbs().maxCoeff();
-  LandmarkPatch patch{};
-  if (!(largest > 0)) return patch;
+  float unit = 0;
   for (int k = 0; k < kWaves; ++k) {
-    const auto level = std::lround(kLargest / largest * waves(k));
+    unit = std::max(unit, std::abs(waves(k)) / static_cast<float>(bits_of(k).largest()));
+  }
+  LandmarkPatch patch{};
+  if (!(unit > 0)) return patch;
+  for (int k = 0; k < kWaves; ++k) {
+    const auto level = std::lround(waves(k) / unit);
     const Bits at = bits_of(k);
-    const unsigned bits = (static_cast<unsigned>(level) & ((1U << kBits) - 1)) << at.shift;
+    const unsigned bits = (static_cast<unsigned>(level) & at.mask()) << at.shift;
     patch[at.octet] |= static_cast<std::uint8_t>(bits);
     if (at.ends_in_next()) patch[at.octet + 1] |= static_cast<std::uint8_t>(bits >> 8U);
   }
@@ -124,8 +130,8 @@ std::optional<Waves> decode(const LandmarkPatch& patch) {
     const Bits at = bits_of(k);
     unsigned bits = patch[at.octet];
     if (at.ends_in_next()) bits |= static_cast<unsigned>(patch[at.octet + 1]) << 8U;
-    const int level = static_cast<int>((bits >> at.shift) & ((1U << kBits) - 1));
-    waves(k) = static_cast<float>(level < -kSmallest ? level : level + 2 * kSmallest);
+    const auto level = static_cast<int>((bits >> at.shift) & at.mask());
+    waves(k) = static_cast<float>(level <= at.largest() ? level : level - 2 * (at.largest() + 1));
   }
   if (waves.isZero()) return std::nullopt;
   return waves.normalized();

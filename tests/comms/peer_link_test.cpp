@@ -125,10 +125,10 @@ TEST(PeerLink, ASaturatedLinkSendsWhatIsMostUsefulAndCountsTheRest) {
   PeerLink sender(narrow), receiver(team_config("uav1"));
   ASSERT_TRUE(sender.wait_for_peers({"uav1"}, kPatience));
   ASSERT_TRUE(receiver.wait_for_peers({"uav0"}, kPatience));
-  constexpr std::uint64_t kCount = 20, kShowsMost = 13;
+  constexpr std::uint64_t kFirst = 10, kCount = 20, kShowsMost = 23;  // of one size
   std::map<std::uint64_t, Bytes> offered;
-  for (std::uint64_t i = 0; i < kCount; ++i) {
-    PeerKeyframe keyframe = samples::keyframe("uav0", "uav1", 80);
+  for (std::uint64_t i = kFirst; i < kFirst + kCount; ++i) {
+    PeerKeyframe keyframe = samples::keyframe("uav0", "uav1", 95);
     keyframe.pose.keyframe_id = i;
     for (PeerLandmark& landmark : keyframe.landmarks)
       landmark.inverse_depth_sigma = (i == kShowsMost ? 0.02 : 0.2) * landmark.inverse_depth;

@@ -140,12 +140,12 @@ TEST(LandmarkPatch, IsFoundToAFifthOfAPixelFromAnotherPlace) {
   EXPECT_GE(result.near, result.found * 8 / 10);
 }
 
-// Twelve octets say where a corner is to a twentieth of a pixel, whatever they leave out.
+// Eight octets say where a corner is to a twelfth of a pixel, whatever they leave out.
 TEST(LandmarkPatch, IsFoundWhereItWasCut) {
   Question question;
   question.T_other_own = Eigen::Isometry3d::Identity();
   question.error = Eigen::Vector3d(0.02, -0.01, 0);  // about 1 px
-  question.near_px = 0.05;
+  question.near_px = 0.08;
   const Search result = search(see_wall(question.T_other_own), question);
   EXPECT_GE(result.tried, 30);
   EXPECT_EQ(result.found, result.tried);
