@@ -90,7 +90,7 @@ void expect_well_formed(const json& answer) {
   EXPECT_THAT(answer["descriptors"].get<int>(), AnyOf(8 * landmarks, 0)) << "0: a brief question";
   EXPECT_EQ(answer["bearings"], 2 * landmarks);
   EXPECT_EQ(answer["depth_sigmas"], landmarks);
-  EXPECT_EQ(answer["patches"], 12 * landmarks);
+  EXPECT_EQ(answer["patches"], 8 * landmarks);
 }
 
 // What became of a question and its answer in one drone.
