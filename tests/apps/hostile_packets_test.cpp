@@ -230,7 +230,7 @@ TEST(HostilePackets, NoImageIsLostAndTheTeamTalksAgain) {
   const auto packets =
       static_cast<std::size_t>(number_from_environment("COVEY_HOSTILE_PACKETS", 6000));
   const auto seed = static_cast<unsigned>(number_from_environment("COVEY_HOSTILE_SEED", 7));
-  const double pace = number_from_environment("COVEY_HOSTILE_PACE", 0.4);
+  const double pace = number_from_environment("COVEY_HOSTILE_PACE", 0.25);
 
   const fs::path run = fs::path(testing::TempDir()) / "covey_hostile_packets";
   fs::remove_all(run);
@@ -239,7 +239,7 @@ TEST(HostilePackets, NoImageIsLostAndTheTeamTalksAgain) {
   std::ofstream(config) << R"({"agent": {"image_queue": 1000}})";
   CoveyProcess covey({"team", COVEY_TEST_FLIGHT, "--config", config.string(), "--out", run.string(),
                       "--pace", std::to_string(pace)});
-  const Conversation heard = listen(ear, 250);
+  const Conversation heard = listen(ear, 80);
   ASSERT_GE(heard.ports.size(), 4U) << covey.output();
   ASSERT_TRUE(covey.wait_for("flown")) << covey.output();
   attack(heard, packets, seed);

@@ -89,8 +89,8 @@ TEST(LinkRecord, AnythingElseIsRefusedAtItsHeader) {
   EXPECT_EQ(complaint({'c', 'v', kRecordVersion + 1, 0, 0, 0, 0, 0}), "record of another version");
   EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 8, 0, 0, 0, 0}), "unknown kind of record");
   EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 4, 0xff, 0xff, 0xff, 0xff}), "record too long");
-  EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 4, 0x00, 0x3a, 0, 0}), "incomplete");  // 14848
-  EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 4, 0x01, 0x3a, 0, 0}), "record too long");
+  EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 4, 0x00, 0x36, 0, 0}), "incomplete");  // 13824
+  EXPECT_EQ(complaint({'c', 'v', kRecordVersion, 4, 0x01, 0x36, 0, 0}), "record too long");
 }
 
 TEST(LinkRecord, WhatWaitsIsBounded) {
