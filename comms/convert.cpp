@@ -396,10 +396,11 @@ Problem problem_on_wire(const wire::MessageUAV& message) {
   }
   if (message.before().size() > 1) return "more than one keyframe before";
   if (message.found().size() > 1) return "more than one keyframe found";
-  std::vector<wire::CameraPose> poses = message.before();
-  poses.push_back(message.keyframe());
-  for (const wire::CameraPose& pose : poses) {
-    if (const Problem problem = problem_with_attitude(pose.q_world_cam_xyzw())) return problem;
+  if (const Problem problem = problem_with_attitude(message.keyframe().q_world_cam_xyzw())) {
+    return problem;
+  }
+  for (const wire::CameraPose& before : message.before()) {
+    if (const Problem problem = problem_with_attitude(before.q_world_cam_xyzw())) return problem;
   }
   for (const wire::FoundKeyframe& found : message.found()) {
     if (const Problem problem = problem_with_attitude(found.q_keyframe_cam_xyzw())) return problem;

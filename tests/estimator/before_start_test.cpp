@@ -33,11 +33,12 @@ InitialState start_of(const DroneFeatures& drone) {
   return start;
 }
 
-DroneFeatures hovering_drone(Scenario scene, std::uint64_t seed, double pixel_sigma = 0.3) {
+DroneFeatures hovering_drone(Scenario scene, std::uint64_t seed, double pixel_sigma = 0.3,
+                             double duration_s = 8) {
   FeatureScenario scenario;
   scenario.flight.scenario = scene;
   scenario.flight.agents = 1;
-  scenario.flight.duration_s = 8;
+  scenario.flight.duration_s = duration_s;
   scenario.camera.rate_hz = 30;
   scenario.camera.pixel_sigma = pixel_sigma;
   return simulate_features(scenario, seed).drones[0];
@@ -189,13 +190,7 @@ TEST(BeforeStartInAllScenes, WhoFliesSlowlyIsNotToldToJump) {
 // Tracks claim to be five times worse than they are, as rendered ones do: then all that depths
 // which differ do to them stays within what they claim.
 DroneFeatures cautious_drone(std::uint64_t seed) {
-  FeatureScenario scenario;
-  scenario.flight.scenario = Scenario::kCastleParallel;
-  scenario.flight.agents = 1;
-  scenario.flight.duration_s = 6;
-  scenario.camera.rate_hz = 30;
-  scenario.camera.pixel_sigma = 0.05;
-  DroneFeatures drone = simulate_features(scenario, seed).drones[0];
+  DroneFeatures drone = hovering_drone(Scenario::kCastleParallel, seed, 0.05, 6);
   for (CameraMeasurement& image : drone.camera)
     for (TrackObservation& track : image.tracks) track.covariance *= 25;
   return drone;
